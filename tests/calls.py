@@ -142,7 +142,6 @@ FIGURES = {
     "contact_laws": lambda: {"contacts": [("ball", LAW, 3e-3)], "speeds": [0.1, 0.2], "figure": SHEET},
     "convergence": lambda: {"table": NOUNS["ConvergenceTable"](), "names": ["a", "b"], "ax": SHEET},
     "convergence_panels": lambda: {"table": NOUNS["ConvergenceTable"](), "figure": SHEET},
-    "cycle_averaged_force": lambda: {"response": drawn_run()},
     "drive": lambda: {"excitation": BASE, "end": 1.5, "figure": SHEET},
     "energies": lambda: {"response": drawn_run(), "figure": SHEET},
     "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},

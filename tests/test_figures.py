@@ -13,6 +13,7 @@ import xarray
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
+from femimpact.figures.histories import cycle_averaged_force
 from femimpact.figures.portraits import changes_of_contact, corners_of, phase_curve
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -424,7 +425,7 @@ def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
 
 
 def test_the_averages_of_all_cycles_are_the_impulses_of_the_run(run):
-    time, force = fi.figures.cycle_averaged_force(run)
+    time, force = cycle_averaged_force(run)
     assert time.size == 30
     np.testing.assert_allclose(time[:2], [0.1, 0.3])
     inside = run.impacts.time < 6.0
@@ -492,8 +493,8 @@ def test_a_force_that_sticks_is_averaged_over_the_cycles_it_shares(run):
         impactor=np.array(["ball"]), side=np.array([1]), start=np.array([0.3]), end=np.array([0.5]),
         impulse=np.array([0.4]), mean_force=np.array([2.0]),
     )  # fmt: skip
-    force = fi.figures.cycle_averaged_force(run)[1]
-    pressed = fi.figures.cycle_averaged_force(dataclasses.replace(run, sticking=sticking))[1]
+    force = cycle_averaged_force(run)[1]
+    pressed = cycle_averaged_force(dataclasses.replace(run, sticking=sticking))[1]
     np.testing.assert_allclose((pressed - force)[:4], [0.0, 1.0, 1.0, 0.0], atol=1e-12)
 
 

@@ -116,7 +116,7 @@ FILE_NAMES = """
 MODULES = {
     "femimpact.figures": """
         COLOURS PROJECTOR STYLE OffScreen beam_mesh bifurcation calibration contact_force
-        contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
+        contact_laws convergence convergence_panels energies impact_histograms impulse_phase
         mode_shapes motion phase_portrait response_curve
         save_figure spectrum study write_mode write_movie
     """,

@@ -13,7 +13,6 @@ from femimpact.figures.drawing import OffScreen as OffScreen
 from femimpact.figures.drawing import save_figure as save_figure
 from femimpact.figures.histories import channels as channels
 from femimpact.figures.histories import contact_force as contact_force
-from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_force
 from femimpact.figures.histories import drive as drive
 from femimpact.figures.histories import energies as energies
 from femimpact.figures.movie import write_mode as write_mode
