@@ -307,13 +307,6 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
     return axis
 
 
-def _dot(text: str, marker: str = ".") -> Any:
-    """An entry of a legend: what a mark means."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
-
-
 LABELS = {"mesh": ("longest element (mm)", 1e3), "step": ("step dt (µs)", 1e6), "modes": ("modes kept", 1.0)}
 """Label of the axis, and factor of its sizes."""
 
