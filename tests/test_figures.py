@@ -601,6 +601,9 @@ def test_ticks_of_a_small_range_have_different_numbers_and_no_offset(step):
     marks = np.concatenate([line.get_xticks(), line.get_xticks(minor=True)])
     np.testing.assert_allclose([np.abs(marks - value).min() for value in values], 0.0, atol=1e-3 * step)
     assert line.get_xlabel() == "gap of ball"
+    # and its number, where there is room
+    few = fi.figures.study(xarray.Dataset({"m": ("f", [1.0, 2.0, 3.0])}, {"f": [4.9, 5.0, 5.3]}))
+    assert [tick.get_text() for tick in few.get_xticklabels()] == ["4.9", "5", "5.3"]
 
 
 @pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])

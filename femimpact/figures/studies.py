@@ -47,6 +47,9 @@ MOST_NUMBERS = 120
 
 MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
+LETTERS = 11.0
+"""Letters of the numbers of ticks in an inch of an axis."""
+
 MOST_PANELS_EACH_WAY = 6
 """Maps of a figure along its rows and along its columns."""
 
@@ -150,10 +153,12 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
     if single.any():
         meaning = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
         entries.append(axis.plot(x[single], factor * values[single], "*", color=DARK, markersize=9.0, label=meaning)[0])
-    if words is not None:
-        axis.set_xticks(x, words)
+    texts, step = words or tick_texts(x), float(np.diff(np.unique(x)).min(initial=np.inf))
+    room = LETTERS * axis.get_window_extent().width / axis.figure.dpi
+    if words is not None or (1 + max(map(len, texts))) * np.ptp(x) <= room * step:
+        axis.set_xticks(x, texts)
     else:
-        # a mark at each value of the study
+        # each value of the study has a mark, and some have their numbers
         axis.set_xticks(x, minor=True)
     axis.set(xlabel=label, ylabel=_measure_label(dataset, measure, unit))
     axis.set_title(title, loc="left")
