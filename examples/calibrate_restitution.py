@@ -44,5 +44,5 @@ if __name__ == "__main__":
             print("  {:11.2f}   {:9.2f}   {:15.1f}   {:6.1f}".format(*map(float, row)))
         near = ", ".join(f"{e:.2f}" for e in one[RESTITUTION].values[distance < NEAR])
         print(f"  near the published resonance (misfit below {NEAR:g}): {near or 'none'}")
-        fi.figures.study_lines(one, "amplitude_ratio", title=words, ax=axis)
+        fi.figures.study(one, "amplitude_ratio", title=words, ax=axis)
     print("wrote", fi.figures.save_figure(axes, "calibrate_restitution.png"))

@@ -20,6 +20,7 @@ periodic: another start has another value.
 from __future__ import annotations
 
 import numpy as np
+import xarray
 
 import femimpact as fi
 
@@ -45,6 +46,12 @@ def main(gaps=GAPS, restitutions=RESTITUTIONS, amplitude=0.2e-3, cycles=200) -> 
 
 
 if __name__ == "__main__":
-    axes = fi.figures.value_map(RESTITUTIONS, 1e3 * GAPS, *main(), title=TITLE)
-    axes.set(xlabel="restitution (1)", ylabel="clearance to either wall (mm)")
+    ratio, samples = main()
+    cells = {"rms": ratio, "periodic_starts": ~samples, "failed_starts": 0 * samples, "finished": samples | True}
+    clearance = ("clearance", GAPS, {"units": "m", "long_name": "clearance to either wall"})
+    table = xarray.Dataset(
+        {name: (("clearance", "restitution"), values) for name, values in cells.items()},
+        {"restitution": RESTITUTIONS, "clearance": clearance},
+    )
+    axes = fi.figures.study(table.transpose("restitution", "clearance"), "rms", title=TITLE)
     print("wrote", fi.figures.save_figure(axes, "clearance_restitution_map.png"))

@@ -59,7 +59,7 @@ def main(gaps, levels, frequencies, structure=STRUCTURE, **more):
 if __name__ == "__main__":
     gaps, levels = np.geomspace(0.5e-3, 16e-3, 14), np.geomspace(0.05e-3, 1e-3, 10)
     worst, light, woken = main(gaps, levels, np.linspace(4.6, 5.6, 9))
-    axes = fi.figures.study_map(worst, "peak", title="worst of the band; ball of 5 g, restitution 0.5")
+    axes = fi.figures.study(worst, "peak", title="worst of the band; ball of 5 g, restitution 0.5")
     axes.add_artist(axes.get_legend())
     for line, style, label in ((light, "-", "best gap of a light loss"), (woken, "--", "largest gap that wakes")):
         inside = (line >= gaps[0]) & (line <= gaps[-1])

@@ -35,6 +35,6 @@ def main(gaps, restitutions, frequencies, **more):
 
 if __name__ == "__main__":
     worst = main(1e-3 * np.arange(1, 11), np.linspace(0.3, 0.8, 6), np.linspace(4.7, 5.6, 13))
-    drawn = fi.figures.study_map(worst, "peak", title="ball of 5 g, base 0.2 mm, worst of 4.7 to 5.6 Hz")
+    drawn = fi.figures.study(worst, "peak", title="ball of 5 g, base 0.2 mm, worst of 4.7 to 5.6 Hz")
     fi.figures.save_figure(drawn, "gap_and_tolerance.png")
     print(worst["peak"].max("impactor.ball.contact.restitution").to_pandas())

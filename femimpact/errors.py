@@ -381,11 +381,14 @@ def optional(metadata: Mapping[str, Any]) -> dict[str, Any]:
 _COMPARISONS = {"above": operator.gt, "at_least": operator.ge, "at_most": operator.le, "below": operator.lt}
 
 
+OF_FILES = ": a number in SI units, for texts with units are those of study files"
+
+
 def _number(value: Any, bounds: Mapping[str, float], integer: bool, finite: bool) -> float | int:
     """The value as float or int of Python, whatever kind of number it is."""
     # the usual type first: what a number is takes longer to find out than all the rest
     if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
-        raise _Refused
+        raise _Refused(OF_FILES if isinstance(value, str) and value[:1].isdigit() else "")
     if getattr(getattr(value, "dtype", None), "kind", "f") not in "iuf":
         # numpy counts a duration among its whole numbers
         raise _Refused

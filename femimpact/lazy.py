@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
+
+GONE = {
+    "solve_modes": "modes",
+    "integrate": "simulate",
+    "parameter_study": "scan_restitution RestitutionScan",
+    "figures.study": "study_lines study_map study_maps study_scatter value_map restitution_scan",
+    "figures.convergence": "mesh_convergence step_convergence",
+    "convergence.ConvergenceTable": "MeshConvergence StepConvergence ModeConvergence",
+    "vtk.to_pyvista": "to_pyvista",
+}
+"""Names that are gone or looked for, by the path of what takes their place; those that moved are found by the stubs."""
 
 
 def modules_of(init: str) -> dict[str, str]:
@@ -26,12 +38,35 @@ def face(package: str, init: str) -> tuple[Callable[[str], Any], Callable[[], li
 
     def attribute(name: str) -> Any:
         if name not in module_of:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{_way_on(package, name)}")
         value = _loaded(package, module_of[name], name)
         setattr(sys.modules[package], name, value)
         return value
 
     return attribute, lambda: sorted(names), names
+
+
+def _way_on(package: str, name: str) -> str:
+    """Words for where a name is that is not in a package, or what is like it; none for names of Python's own."""
+    if name.startswith("_"):
+        return ""
+    import difflib
+
+    root, _, folder = package.partition(".")
+    init = str(sys.modules[root].__file__)
+    top = modules_of(init)
+    paths = {public: public for public in top}
+    folders = [each for each, module in top.items() if module == "."]
+    # of several places of a name the last counts: figures come first, the package itself last
+    for part in sorted(folders, key=lambda each: (each == folder, each != "figures")):
+        stub = os.path.join(os.path.dirname(init), part, os.path.basename(init))
+        inside = modules_of(stub) if os.path.exists(f"{stub.removesuffix('c')}i") else {}
+        paths |= {public: f"{part}.{public}" for public in inside if public not in top}
+    paths |= {gone: path for path, names in GONE.items() for gone in names.split()}
+    if name in paths:
+        return f": it is fi.{paths[name]}"
+    near = difflib.get_close_matches(name, paths, 1)
+    return f"; did you mean fi.{paths[near[0]]}?" if near else ""
 
 
 def _loaded(package: str, module: str, name: str) -> Any:

@@ -135,16 +135,13 @@ def record_file() -> Path:
 
 
 FIGURES = {
-    "amplitude_spectrum": lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
     "beam_mesh": lambda: {"mesh": grid().mesh, "structure": STRUCTURE, "ax": SHEET},
     "bifurcation": lambda: {"responses": [drawn_run()], "channel": "tip", "phase": 0.5, "ax": SHEET},
     "channels": lambda: {"response": drawn_run(), "end": drawn_run(), "figure": SHEET},
-    "collision_history": lambda: {"law": LAW, "effective_mass": 3e-3, "approach_speed": 0.2},
     "contact_force": lambda: {"response": drawn_run(), "cycles": 4, "averaged": True, "figure": SHEET},
     "contact_laws": lambda: {"contacts": [("ball", LAW, 3e-3)], "speeds": [0.1, 0.2], "figure": SHEET},
     "convergence": lambda: {"table": NOUNS["ConvergenceTable"](), "names": ["a", "b"], "ax": SHEET},
     "convergence_panels": lambda: {"table": NOUNS["ConvergenceTable"](), "figure": SHEET},
-    "cycle_averaged_force": lambda: {"response": drawn_run()},
     "drive": lambda: {"excitation": BASE, "end": 1.5, "figure": SHEET},
     "energies": lambda: {"response": drawn_run(), "figure": SHEET},
     "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},
@@ -166,7 +163,7 @@ FIGURES = {
     "orbit": lambda: {"orbit": NOUNS["PeriodicOrbit"](), "of": "ball", "figure": SHEET},
     "decay": lambda: {"result": NOUNS["DecayEstimate"](), "ax": SHEET},
     "calibration": lambda: {"result": calibrated(), "title": "title", "figure": SHEET},
-    "save_figure": lambda: {"drawn": fi.figures.value_map([1], [1], [[1]], ax=SHEET), "path": "figure.png"},
+    "save_figure": lambda: {"drawn": fi.figures.study(studied(1), figure=SHEET), "path": "figure.png"},
     "spectrum": lambda: {"response": drawn_run(), "channel": "tip", "highest": 50.0, "ax": SHEET},
     "shock_response_spectrum": lambda: {
         "spectra": fi.shock_response_spectrum(MOTIONS["Shock"], [5.0, 6.0]), "pseudo_velocity": True, "ax": SHEET
@@ -174,19 +171,21 @@ FIGURES = {
     "transfer_function": lambda: {
         "transfers": fi.transfer_function(small(), [5.0, 6.0], "tip"), "channel": "tip", "figure": SHEET
     },
-    "study_lines": lambda: {"dataset": studied(1), "measure": "peak", "title": "title", "ax": SHEET},
-    "study_map": lambda: {"dataset": studied(2), "measure": "peak", "title": "title", "ax": SHEET},
-    "study_maps": lambda: {"dataset": studied(3), "measure": "peak", "figure": SHEET},
-    "study_scatter": lambda: {"dataset": studied(0), "measure": "peak", "figure": SHEET},
-    "value_map": lambda: {
-        "x": [1.0, 2.0], "y": [1.0, 2.0, 3.0], "values": np.arange(6.0).reshape(3, 2), "samples": np.eye(3, 2) > 0.0,
-        "title": "title", "ax": SHEET,
+    "study": lambda: {
+        "dataset": studied(2), "measure": "peak", "title": "title", "norm": "log", "figure": SHEET
     },
 }  # fmt: skip
 """Good arguments of every figure."""
 
 CALLS = {
     **{f"figures.{name}": (getattr(fi.figures, name), good) for name, good in FIGURES.items()},
+    "figures.write_mode": (fi.figures.write_mode, lambda: {
+        "path": "mode.gif", "system": system(), "modes": modes(), "structure": STRUCTURE, "mode": 1, "frames": 2,
+        "fps": 10,
+    }),
+    "amplitude_spectrum": (
+        fi.signals.amplitude_spectrum, lambda: {"time": np.linspace(0.0, 1.0, 50), "values": np.ones(50)},
+    ),
     # files
     "vtk.write_modes": (vtk.write_modes, lambda: {
         "path": "modes.pvd", "system": system(), "modes": modes(), "structure": STRUCTURE, "subdivisions": 1,

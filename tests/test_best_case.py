@@ -591,7 +591,7 @@ def test_marks_of_a_line_are_the_level_of_15_percent_more_the_limit_and_the_marg
     assert marks.spans == {GAP: (3e-3 - margin.below, 3e-3 + margin.above)}
     given = given.assign(periodic_starts=given["finished"])
     drawn = worst_over_axes(given, found)
-    axes = mark_best(fi.figures.study_lines(drawn, "peak", ax=fi.figures.OffScreen()), drawn, "peak", marks)
+    axes = mark_best(fi.figures.study(drawn, "peak", ax=fi.figures.OffScreen()), drawn, "peak", marks)
     assert {text.get_text() for text in axes.get_legend().get_texts()} == {
         "value", "the best", "at most 15 % more than the best, within the limits",
     }  # fmt: skip

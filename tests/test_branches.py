@@ -12,6 +12,9 @@ from scipy.optimize import brentq, minimize_scalar
 from test_orbits import box
 
 import femimpact as fi
+from femimpact.figures.drawing import BLUE
+from femimpact.figures.study_labels import path_words
+from femimpact.orbits.figures import MARKS
 from femimpact.orbits.orbit import state_vector
 from femimpact.validation.closed_forms import box_fold, box_orbits, stop_orbits
 
@@ -547,6 +550,20 @@ def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
             if x.size > 1 and x.min() < value < x.max():
                 drawn[value] = line.get_label()
     assert drawn == {0.5 * (low + high): "unstable", 5.04: "stable"}
+    # no two kinds have the same shape or the same colour, and none has the line's
+    shapes, colours = zip(*MARKS.values(), strict=True)
+    assert len(set(shapes)) == len({*colours, BLUE}) - 1 == len(MARKS)
+
+
+def test_the_axis_of_a_branch_names_its_parameter_in_words(over_gap):
+    axis = fi.figures.branch(over_gap, ax=fi.figures.OffScreen())
+    assert axis.get_xlabel().partition(" (")[0] == "gap of ball"
+    for path, words in (
+        ("impactor.ball.contact.restitution", "restitution of ball"), ("stop.left.gap", "gap of left"),
+        ("base.frequency", "frequency of base"), ("start.ball.position", "position of start ball"),
+        ("mass.box.rotary_inertia", "rotary inertia of mass box"), ("spring_rate", "spring rate"),
+    ):  # fmt: skip
+        assert path_words(path) == words
 
 
 # ---- bad input --------------------------------------------------------------------------------------

@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import femimpact as fi
-from femimpact.figures import OffScreen, collision_history, contact_laws
+from femimpact.figures import OffScreen, contact_laws
+from femimpact.figures.contacts import collision_history
 
 MASS, SPEED, STIFFNESS = 3.43e-3, 0.26, 2e9
 LOSSY = {

@@ -71,7 +71,7 @@ def _declared_functions() -> Iterator[tuple[str, object, list[str]]]:
 def test_every_function_that_checks_its_arguments_shows_what_they_must_be():
     pytest.importorskip("matplotlib")
     found = list(_declared_functions())
-    assert {"figures.collision_history", "State.of_mode", "report"} <= {name for name, _, _ in found}
+    assert {"figures.contact_laws", "State.of_mode", "report"} <= {name for name, _, _ in found}
     hidden = [
         f"{name}: {allowed}"
         for name, function, ranges in found

@@ -17,6 +17,7 @@ from test_piecewise_polynomial import BALL, GAP, MASS, OMEGA, RESTITUTION, ZETA,
 import femimpact as fi
 from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import words_of
+from femimpact.figures.histories import cycle_averaged_force
 
 G = 9.80665
 CHIRP = fi.Chirp(4.0, 8.0, 4.0, amplitude=1e-3)
@@ -251,4 +252,4 @@ def test_nothing_names_a_cycle_where_there_is_none(base):
     assert "cycle" not in said
     assert "Hz" not in said.replace("frequency (Hz)", "").replace("²/Hz", "").replace("Hz apart", "")
     with pytest.raises(fi.InputError, match="must have a cycle"):
-        fi.figures.cycle_averaged_force(run)
+        cycle_averaged_force(run)

@@ -9,9 +9,11 @@ import re
 
 import numpy as np
 import pytest
+import xarray
 from builders import REFERENCE, reduced, with_ball
 
 import femimpact as fi
+from femimpact.figures.histories import cycle_averaged_force
 from femimpact.figures.portraits import changes_of_contact, corners_of, phase_curve
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -75,6 +77,12 @@ def legend_words(axis):
     return [text.get_text() for legend in axis.findobj(Legend) for text in legend.get_texts()]
 
 
+def table(values, a=None, **cells):
+    """A dataset of a measure over two axes; `cells` are further variables."""
+    variables = {name: (("a", "b"), entries) for name, entries in {"m": values, **cells}.items()}
+    return xarray.Dataset(variables, {"a": np.arange(len(values)) if a is None else a, "b": [1.0, 2.0]})
+
+
 def has_line(axis, x, y):
     """Whether a line of the axes goes through just these points."""
     return any(
@@ -98,7 +106,7 @@ def panels(run, curves, mesh, two_balls):
         "response curve": lambda ax: figures.response_curve(curves[1], ax=ax),
         "impulse phase": lambda ax: figures.impulse_phase(run, ax=ax),
         "mesh convergence": lambda ax: figures.convergence(mesh, ax=ax),
-        "value map": lambda ax: figures.value_map([1, 2], [1, 2, 3], np.ones((3, 2)), ax=ax),
+        "study": lambda ax: figures.study(table(np.ones((3, 2))), ax=ax),
     }
 
 
@@ -152,7 +160,7 @@ def test_without_axes_it_is_a_figure_of_pyplot_and_off_screen_it_is_none(run, cu
         drawn = draw(fi.figures.OffScreen())
         assert not plt.get_fignums(), name
         # all are drawn where their legends are looked at
-        if name in ("value map", "motion"):
+        if name in ("study", "motion"):
             path = fi.figures.save_figure(drawn, tmp_path / f"{name}.png")
             assert path.read_bytes().startswith(b"\x89PNG"), name
 
@@ -160,7 +168,7 @@ def test_without_axes_it_is_a_figure_of_pyplot_and_off_screen_it_is_none(run, cu
 def test_every_axis_names_its_quantity_and_its_unit(run, curves, mesh, two_balls):
     pictures = panels(run, curves, mesh, two_balls) | several(run, two_balls)
     # values of a map are whatever its caller computed; numbers have no unit
-    del pictures["value map"]
+    del pictures["study"]
     plain = {"elements", "impacts", "w / max |w|", "relative error", ""}
     for name, draw in pictures.items():
         drawn = draw(fi.figures.OffScreen())
@@ -243,7 +251,7 @@ def test_energies_hold_the_ledger_and_its_residual(run):
 def test_a_sine_has_its_amplitude_in_the_spectrum(samples):
     time = np.arange(samples) / samples
     values = 0.25 + 3.0 * np.sin(2 * np.pi * 20.0 * time + 0.4) + 0.5 * np.cos(2 * np.pi * 70.0 * time)
-    frequency, amplitude = fi.figures.amplitude_spectrum(time, values)
+    frequency, amplitude = fi.signals.amplitude_spectrum(time, values)
     np.testing.assert_allclose(frequency[[20, 70]], [20.0, 70.0])
     np.testing.assert_allclose(amplitude[[0, 20, 70]], [0.25, 3.0, 0.5], rtol=1e-9)
     # a Hann window widens a line by one to either side
@@ -417,7 +425,7 @@ def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
 
 
 def test_the_averages_of_all_cycles_are_the_impulses_of_the_run(run):
-    time, force = fi.figures.cycle_averaged_force(run)
+    time, force = cycle_averaged_force(run)
     assert time.size == 30
     np.testing.assert_allclose(time[:2], [0.1, 0.3])
     inside = run.impacts.time < 6.0
@@ -485,8 +493,8 @@ def test_a_force_that_sticks_is_averaged_over_the_cycles_it_shares(run):
         impactor=np.array(["ball"]), side=np.array([1]), start=np.array([0.3]), end=np.array([0.5]),
         impulse=np.array([0.4]), mean_force=np.array([2.0]),
     )  # fmt: skip
-    force = fi.figures.cycle_averaged_force(run)[1]
-    pressed = fi.figures.cycle_averaged_force(dataclasses.replace(run, sticking=sticking))[1]
+    force = cycle_averaged_force(run)[1]
+    pressed = cycle_averaged_force(dataclasses.replace(run, sticking=sticking))[1]
     np.testing.assert_allclose((pressed - force)[:4], [0.0, 1.0, 1.0, 0.0], atol=1e-12)
 
 
@@ -546,23 +554,56 @@ def test_a_reference_slope_has_its_order(mesh):
 
 def test_a_map_shows_every_value_in_its_cell():
     values = np.array([[0.1, 0.25], [0.5, 1.0], [2.0, 4.0]])
-    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0, 7.0], values)
-    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25", "0.5", "1", "2", "4"]
-    np.testing.assert_array_equal(axis.images[0].get_array(), values)
+    axis = fi.figures.study(table(values))
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "2", "0.25", "1", "4"]
+    np.testing.assert_array_equal(axis.images[0].get_array(), values.T)
     assert legend_words(axis) == []
-    with pytest.raises(fi.InputError, match="values"):
-        fi.figures.value_map([1.0, 2.0, 3.0], [5.0, 6.0, 7.0], values)
 
 
 def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
-    values, samples = np.array([[0.1, 0.25], [0.5, 1.0]]), np.array([[False, True], [False, False]])
-    axis = fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, samples, title="rms")
-    assert [text.get_text() for text in axis.texts] == ["0.1", "0.25*", "0.5", "1"]
+    values, samples = np.array([[0.1, 0.25], [0.5, 1.0]]), np.array([[0, 1], [0, 0]])
+    cells = {"periodic_starts": 1 - samples, "failed_starts": 0 * samples, "finished": 1 + 0 * samples}
+    axis = fi.figures.study(table(values, **cells), "m", title="rms")
+    assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "0.25*", "1"]
     assert legend_words(axis) == ["one start's value: the motion is not periodic"]
     assert axis.get_title(loc="left") == "rms"
-    for wrong in ([True, False], values):
-        with pytest.raises(fi.InputError, match=r"samples = .*must be an array \(rows, columns\) of truth values"):
-            fi.figures.value_map([1.0, 2.0], [5.0, 6.0], values, wrong)
+
+
+def test_print_for_a_projector_is_larger_in_a_picture_of_the_same_pixels(run, tmp_path):
+    from PIL import Image
+
+    plain = fi.figures.energies(run)
+    with plt.rc_context(fi.figures.PROJECTOR):
+        large = fi.figures.energies(run)
+    sizes = []
+    for axes in (plain, large):
+        with Image.open(fi.figures.save_figure(axes, tmp_path / "energy.png")) as picture:
+            sizes.append(picture.size)
+        axes[0].figure.canvas.draw()
+    assert sizes[0] == pytest.approx(sizes[1], abs=1)
+    words = [axes[0].yaxis.label.get_window_extent().height / axes[0].figure.bbox.height for axes in (plain, large)]
+    assert words[1] / words[0] == pytest.approx(1.3, rel=0.05)
+
+
+@pytest.mark.parametrize("step", [1.0, 1e-2, 1e-4, 1e-6])
+def test_ticks_of_a_small_range_have_different_numbers_and_no_offset(step):
+    values, own = 5.0 + step * np.arange(12.0), plt.figure().subplots()
+    line = fi.figures.study(xarray.Dataset({"m": ("impactor.ball.gap", values)}, {"impactor.ball.gap": values}), ax=own)
+    cells = fi.figures.study(table(values[:, None] + [0.0, 0.5 * step], a=values))
+    bar = cells.figure.axes[-1].yaxis
+    for axis, places in ((line.xaxis, None), (line.yaxis, None), (bar, None), (cells.xaxis, values)):
+        axis.figure.canvas.draw()
+        places = axis.get_ticklocs() if places is None else places
+        texts = [float(tick.get_text()) for tick in axis.get_ticklabels()]
+        np.testing.assert_allclose(texts, places, rtol=0.0, atol=0.05 * np.diff(places).min())
+        assert axis.get_offset_text().get_text() == ""
+    # each value of the study has a mark on the axis
+    marks = np.concatenate([line.get_xticks(), line.get_xticks(minor=True)])
+    np.testing.assert_allclose([np.abs(marks - value).min() for value in values], 0.0, atol=1e-3 * step)
+    assert line.get_xlabel() == "gap of ball"
+    # and its number, where there is room
+    few = fi.figures.study(xarray.Dataset({"m": ("f", [1.0, 2.0, 3.0])}, {"f": [4.9, 5.0, 5.3]}))
+    assert [tick.get_text() for tick in few.get_xticklabels()] == ["4.9", "5", "5.3"]
 
 
 @pytest.mark.parametrize("cycles", [math.nan, math.inf, 0.0, -1.0, -math.inf, "4", True, None])

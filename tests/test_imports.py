@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import pickle
+import re
 import subprocess
 import sys
+from operator import attrgetter
+from pathlib import Path
 
 import pytest
 from public import PATHS, public
 
 import femimpact
+from femimpact.lazy import GONE
+
+SOUGHT = {
+    "modes": "fi.solve_modes", "simulate": "fi.integrate", "write_movie": "fi.figures.write_movie",
+    "to_pyvista": "fi.vtk.to_pyvista", "amplitude_spectrum": "fi.signals.amplitude_spectrum",
+}  # fmt: skip
+"""Names that are looked for below the package, and what they are."""
 
 HEAVY = ("pyvista", "vtk", "vtkmodules", "matplotlib", "meshio", "skfem", "numba", "xarray", "pandas", "scipy.signal")
 
@@ -37,6 +47,33 @@ def test_an_unknown_public_name_is_an_attribute_error():
         _ = femimpact.Bean
     with pytest.raises(AttributeError, match=r"'femimpact\.contact' has no attribute 'Bean'"):
         _ = femimpact.contact.Bean
+
+
+def moved_names():
+    """Names and paths of the rows of the page's table of moved names."""
+    page = (Path(__file__).parents[1] / "docs" / "development" / "changelog.md").read_text(encoding="utf-8")
+    for was, to in re.findall(r"^ *\| (`fi\..*) \| `(fi\..*?)`.* \|$", page, re.MULTILINE):
+        for name in re.findall(r"`fi\.(\w+)`", was):
+            yield name, f"{to}{name}" if to.endswith(".") else to
+
+
+def test_a_name_that_moved_says_where_it_is_and_one_that_is_like_another_which():
+    moved = {name: f"fi.{path}" for name, path in PATHS.items() if "." in path}
+    assert dict(moved_names()).items() <= (moved | SOUGHT).items()
+    for name, path in (moved | SOUGHT).items():
+        with pytest.raises(AttributeError, match=rf"no attribute '{name}': it is {re.escape(path)}$"):
+            getattr(femimpact, name)
+    for path, names in GONE.items():
+        assert attrgetter(path)(femimpact) is not None
+        assert not {*names.split()} & {*femimpact.__all__, *femimpact.figures.__all__}
+    with pytest.raises(AttributeError, match=r"'study_lines': it is fi\.figures\.study$"):
+        _ = femimpact.figures.study_lines
+    with pytest.raises(AttributeError, match=r"'assembel'; did you mean fi\.assemble\?$"):
+        _ = femimpact.assembel
+    # of nothing like it nothing is said, and libraries ask for names of their own
+    for name in ("xyzzy", "_repr_html_"):
+        with pytest.raises(AttributeError, match=f"no attribute '{name}'$"):
+            getattr(femimpact.contact, name)
 
 
 def test_a_name_of_a_folder_is_imported_from_it():

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import tostring
 import numpy as np
 import pytest
 from builders import impact_table, reduced
+from PIL import Image
 
 import femimpact as fi
 from femimpact.app.report.structure_drawing import structure_element
@@ -44,8 +45,6 @@ def test_movie_has_a_frame_for_every_snapshot(tmp_path, response, reference):
 
 
 def test_gif_where_ffmpeg_is_missing(tmp_path, response, reference, monkeypatch):
-    from PIL import Image
-
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     path = movie.write_movie(tmp_path / "deflection.mp4", response, reference, most=4)
     assert path.name == "deflection.gif"
@@ -149,6 +148,41 @@ def test_the_side_view_of_a_tube_is_its_diameter_and_that_of_a_section_says_what
     assert structure.beam.drawn_words in axis.get_title(loc="left")
 
 
+@pytest.mark.parametrize("thickness", [1e-3, 6e-3])
+def test_a_plate_is_drawn_as_thick_as_it_is_in_a_mode_that_swings_both_ways(reference, thickness, monkeypatch):
+    (plate,) = reference.beam.segments
+    beam = fi.Beam.uniform(
+        length=plate.length, width=0.02, thickness=thickness, young_modulus=70e9, density=plate.density
+    )
+    structure = dataclasses.replace(reference, beam=beam)
+    system = fi.assemble(structure, 10)
+    monkeypatch.setattr(movie, "_encode", lambda path, frames, fps: list(frames))
+    frames = fi.figures.write_mode("mode.gif", system, fi.solve_modes(system, 2), structure, mode=2, frames=4)
+    # axes of 0.905 of the width show the length, with 0.04 of it before the root and 0.08 behind the tip
+    scale, middle = 0.905 * movie.WIDTH / (1.12 * plate.length), round(0.45 * movie.WIDTH)
+    columns = [frame[120:-90, middle, :3].astype(int) - (0x55, 0x5B, 0x63) for frame in frames]
+    dark = [np.flatnonzero(np.abs(column).max(axis=1) < 60) for column in columns]
+    assert [rows.size for rows in dark] == pytest.approx([thickness * scale] * 4, abs=1.5)
+    one, rest, other, again = (rows.mean() for rows in dark)
+    assert one - rest == pytest.approx(rest - other, abs=1.0)
+    assert abs(one - other) > 50
+    assert again == rest
+
+
+def test_a_mode_is_a_gif_that_repeats_and_one_that_is_none_is_refused(reference, tmp_path):
+    system = fi.assemble(reference, 10)
+    modes = fi.solve_modes(system, 2)
+    path = fi.figures.write_mode(tmp_path / "mode.gif", system, modes, reference, mode=2, frames=4, fps=10)
+    with Image.open(path) as picture:
+        assert (picture.n_frames, picture.info["loop"], picture.info["duration"]) == (4, 0, 100)
+    for wrong in (0, 3, 1.5, True):
+        with pytest.raises(fi.InputError, match="mode = "):
+            fi.figures.write_mode(path, system, modes, reference, mode=wrong)
+    bare = fi.System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"mass": [1.0]}, base_load=[1.0])
+    with pytest.raises(fi.InputError, match="a shape needs a beam"):
+        fi.figures.write_mode(path, bare, fi.solve_modes(bare, 1), reference)
+
+
 @pytest.mark.parametrize("fixed_to", ["base", "space"])
 def test_a_stop_stands_at_its_gap_and_is_coloured_when_it_is_touched(reference, fixed_to):
     stop = fi.Stop("stop", at=0.1, gap=(2e-4, np.inf), contact=fi.Rigid(0.6), fixed_to=fixed_to)
@@ -208,13 +242,13 @@ def test_a_beam_without_a_ball_and_one_snapshot_make_a_movie(tmp_path, reference
 def test_an_interrupted_movie_leaves_nothing(tmp_path, response, reference, monkeypatch):
     draw = movie.Film.moved
 
-    def interrupted(film, i):
+    def interrupted(film, i, **more):
         if i == 3:
             raise KeyboardInterrupt
-        return draw(film, i)
+        return draw(film, i, **more)
 
     # the reach is asked for first, then the frames are drawn while the encoder runs
-    monkeypatch.setattr(movie.Film, "reach", property(lambda _film: 0.02))
+    monkeypatch.setattr(movie, "_reach", lambda scene, frames: 0.02)
     monkeypatch.setattr(movie.Film, "moved", interrupted)
     for name in ("a.mp4", "a.gif"):
         with pytest.raises(KeyboardInterrupt):

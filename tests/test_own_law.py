@@ -12,7 +12,7 @@ import pytest
 
 import femimpact as fi
 from femimpact.contact.law import require_law, resolve
-from femimpact.figures import collision_history
+from femimpact.figures.contacts import collision_history
 
 pytestmark = pytest.mark.impacts
 

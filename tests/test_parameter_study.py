@@ -766,9 +766,9 @@ def test_an_axis_of_pairs_is_told_by_its_gaps_and_not_by_their_numbers():
     given = read_study(text, Path("study.toml"))
     found = fi.parameter_study(given, given.plan.axes, given.plan.measures, cycles=3)
     smallest = ("(3, 4) mm", "(5, 5) mm")[int(np.argmin(found["peak"].data))]
-    assert "Axes: gap of impactor ball: (3, 4); (5, 5) mm." in study_lead(found)
-    assert f"at gap of impactor ball {smallest}; the largest is" in study_conclusions(found)[0].note
-    drawn = fi.figures.study_lines(found, "peak", ax=fi.figures.OffScreen())
+    assert "Axes: gap of ball: (3, 4); (5, 5) mm." in study_lead(found)
+    assert f"at gap of ball {smallest}; the largest is" in study_conclusions(found)[0].note
+    drawn = fi.figures.study(found, "peak", ax=fi.figures.OffScreen())
     assert [label.get_text() for label in drawn.get_xticklabels()] == ["(3, 4)", "(5, 5)"]
 
 
@@ -833,7 +833,7 @@ def test_maps_of_three_axes_name_the_marks_that_they_have():
         given, coords={name: [1.0, 2.0] for name in "abc"}, attrs={"starts": 5, "median_interval": ""}
     )
     assert not unsure_cells(found, "m").any()
-    axes = fi.figures.study_maps(found, "m", figure=fi.figures.OffScreen())
+    axes = fi.figures.study(found, "m", figure=fi.figures.OffScreen())
     assert all(len(one.patches) for one in axes.ravel())
     assert "corner marked: starts differ" in axes[0, 0].figure.get_suptitle()
 
@@ -842,7 +842,7 @@ def test_maps_of_three_axes_name_the_marks_that_they_have():
 def test_marks_of_a_fine_map_are_on_the_cells_that_have_them(starts):
     axes = {GAP: list(np.linspace(1e-3, 6e-3, 16)), RESTITUTION: list(np.linspace(0.4, 0.8, 9))}
     found = fi.parameter_study(study(), axes, ["peak"], starts=starts, cycles=6)
-    drawn = fi.figures.study_map(found, "peak", ax=fi.figures.OffScreen())
+    drawn = fi.figures.study(found, "peak", ax=fi.figures.OffScreen())
     marked = np.zeros((16, 9), dtype=bool)
     for place in [xy for line in drawn.lines for xy in line.get_xydata()]:
         marked[tuple(int(number) for number in place)] = True
@@ -863,7 +863,7 @@ def test_colours_are_logarithmic_where_one_cell_would_darken_the_others():
 
     def colours(values, **more):
         found = xarray.Dataset(given | {"m": (("a", "b"), values)}, {name: [1.0, 2.0] for name in "ab"}, {"starts": 1})
-        return fi.figures.study_map(found, "m", ax=fi.figures.OffScreen(), **more).images[0].norm
+        return fi.figures.study(found, "m", ax=fi.figures.OffScreen(), **more).images[0].norm
 
     # the middle of the scale is the geometric mean of its ends
     assert colours(values)(np.sqrt(52.0)) == pytest.approx(0.5)
@@ -877,20 +877,48 @@ def test_colours_are_logarithmic_where_one_cell_would_darken_the_others():
         colours(values, norm="cubic")
 
 
+def test_the_figure_of_a_study_follows_its_axes_and_refuses_what_does_not_fit_them():
+    def peaks(*sizes, names="abcd", **coords):
+        table = xarray.DataArray(np.arange(1.0, 1.0 + np.prod(sizes)).reshape(sizes), dims=list(names)[: len(sizes)])
+        return xarray.Dataset({"m": table}, coords or {name: np.arange(table.sizes[name]) for name in table.dims})
+
+    def drawn(dataset, **more):
+        return fi.figures.study(dataset, **({"figure": fi.figures.OffScreen()} | more))
+
+    line = drawn(peaks(3))
+    # an axis of one value does not count
+    np.testing.assert_array_equal(line.lines[0].get_ydata(), drawn(peaks(1, 3)).lines[0].get_ydata())
+    assert not line.images
+    assert len(drawn(peaks(3, 2)).images) == 1
+    assert drawn(peaks(3, 2, 4)).shape == (1, 4)
+    assert drawn(peaks(3, names=["case"], gap=("case", [1.0, 2.0, 4.0]), mass=("case", [1.0, 2.0, 3.0]))).shape == (
+        1,
+        2,
+    )
+    ax = line
+    for dataset, more, words in (
+        (peaks(), {}, "must have an axis"),
+        (peaks(3, 2, 4), {"ax": ax, "figure": None}, "must be left out, over 3 axes: give figure="),
+        (peaks(3, names=["case"], gap=("case", [1.0, 2.0, 4.0])), {"ax": ax, "figure": None}, "list of cases: give"),
+        (peaks(3), {"ax": ax}, "must be left out beside figure="),
+        (peaks(3), {"norm": "log"}, "norm = 'log': must be left out: colours are those of a map"),
+        (peaks(3), {"measure": "n"}, "measure"),
+        (peaks(3)["m"], {}, "must be a Dataset"),
+    ):
+        with pytest.raises(fi.InputError, match=words):
+            drawn(dataset, **more)
+
+
 @pytest.mark.parametrize("axes", [1, 2, 3])
 def test_a_figure_has_the_values_in_the_units_of_its_labels(axes):
     given = {GAP: [2e-3, 4e-3], RESTITUTION: [0.5, 0.7], "base.frequency": [4.8, 5.0]}
     found = fi.parameter_study(study(), dict(list(given.items())[:axes]), ["peak"], starts=5, cycles=6)
     sheet = fi.figures.OffScreen()
     if axes == 1:
-        drawn = fi.figures.study_lines(found, "peak", ax=sheet)
+        drawn = fi.figures.study(found, "peak", ax=sheet)
         np.testing.assert_allclose(drawn.lines[0].get_xydata(), np.column_stack([[2.0, 4.0], 1e3 * found["peak"]]))
     else:
-        drawn = (
-            fi.figures.study_map(found, "peak", ax=sheet)
-            if axes == 2
-            else fi.figures.study_maps(found, "peak", figure=sheet)[0, 0]
-        )
+        drawn = np.atleast_2d(fi.figures.study(found, "peak", figure=sheet))[0, 0]
         first = found["peak"] if axes == 2 else found["peak"][:, :, 0]
         np.testing.assert_allclose(drawn.images[0].get_array(), 1e3 * first.to_numpy().T)
     assert "(mm)" in drawn.get_xlabel() or axes == 3

@@ -117,10 +117,10 @@ FILE_NAMES = """
 """
 MODULES = {
     "femimpact.figures": """
-        COLOURS STYLE OffScreen amplitude_spectrum beam_mesh bifurcation calibration collision_history contact_force
-        contact_laws convergence convergence_panels cycle_averaged_force energies impact_histograms impulse_phase
+        COLOURS PROJECTOR STYLE OffScreen beam_mesh bifurcation calibration contact_force
+        contact_laws convergence convergence_panels energies impact_histograms impulse_phase
         mode_shapes motion phase_portrait response_curve
-        save_figure spectrum study_lines study_map study_maps study_scatter value_map write_movie
+        save_figure spectrum study write_mode write_movie
     """,
     "femimpact.response.history_file": "history_writer",
     "femimpact.figures.movie": "write_movie",

@@ -125,8 +125,8 @@ def test_the_script_of_the_page_on_scripting_runs_as_it_stands(capsys, monkeypat
     rigid = names["response"]
     assert len(rigid.impacts) > 100
     assert rigid.energy.residual < 1e-10
-    # four separate figures and one with two panels
-    assert drawn == 5
+    # seven separate figures and one with two panels
+    assert drawn == 8
     # the whole run is drawn as envelopes, its last cycles as curves
     last = names["motion"][0, 1].lines[2].get_ydata()
     np.testing.assert_array_equal(last, 1e3 * names["run"]["tip"][-last.size :])

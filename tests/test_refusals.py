@@ -413,7 +413,7 @@ CALLS = [
     ("ball_displacement", lambda: fi.State(ball_displacement=[math.nan])),
     *(
         (
-            r"initial\.ball\.gap.*must start between its walls",
+            r"initial\.ball\.gap.*must start between its walls.* it is ball_displacement of State less the beam's disp",
             lambda place=place: run(
                 method=fi.MoreauJean(1e-4),
                 of=fi.reduce(placed(impactors=[replace(BALL, contact=RIGID)]), 4),
@@ -423,6 +423,21 @@ CALLS = [
         for place in (1.1e-3, -1.1e-3)
     ),
     ("must be 'base' or 'space'", lambda: fi.State.at_rest("moon")),
+    (r"^mass = '3\.4 g' kg: .*: a number in SI units, .* study files$", lambda: fi.PointMass("box", "tip", "3.4 g")),
+    (r"^gap = '4 mm' m: .*study files$", lambda: replace(BALL, gap="4 mm")),
+    # a word is no number with a unit
+    (r"^mass = 'heavy' kg: must be a finite number >= 0 and <= 1e\+30 kg$", lambda: fi.PointMass("a", "tip", "heavy")),
+    (r"^length, width: a Beam has segments; Beam\.uniform", lambda: fi.Beam(length=0.2, width=0.02)),
+    (
+        r"^pair = 'Impactor': must be a ContactPair, one of those in system\.contacts$",
+        lambda: fi.integrators.achieved_restitution(BALL, STEPPED, 0.1),
+    ),
+    (
+        r"^axes\.impactor\.ball\.gap = \[0\.001, 0\.002, 0\.003\]: must be \(low, high\).*: a list.*worst_over$",
+        lambda: fi.refine(
+            placed(), "peak", {"impactor.ball.gap": [1e-3, 2e-3, 3e-3]}, worst_over=(), excitation=fi.Sine(1e-4, 5.0)
+        ),
+    ),
     ("must be held", lambda: fi.State.under_force(free(), 1.0)),
     *(
         (

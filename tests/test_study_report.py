@@ -203,7 +203,7 @@ def test_starts_are_a_band_around_their_median_and_a_sample_is_dots_over_each_ax
     for part in ("part-1", "part-2"):
         assert section(text, part).count('class="picture"') == 1
     assert "smallest to largest of the starts" in section(text, "part-1")
-    assert all(f"{axis}" in section(text, "part-2") for axis in ("frequency", "gap of impactor ball (mm)"))
+    assert all(f"{axis}" in section(text, "part-2") for axis in ("frequency", "gap of ball (mm)"))
 
 
 # ---- the head of the page -------------------------------------------------------------------------
@@ -287,7 +287,7 @@ def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(so
     assert Parsed(section(script, "conclusions")).text.partition("Notes")[0] == beside
     for lead in study_lead(data):
         assert lead in Parsed(script).text
-    for words in ("A row for each case", "peak (mm)", "gap of impactor ball (mm)", "0 of the 5 starts"):
+    for words in ("A row for each case", "peak (mm)", "gap of ball (mm)", "0 of the 5 starts"):
         assert words in Parsed(script).text.replace("\u00a0", " ")
     assert section(script, "part-1").count("picture") == section(own, "study").count("picture")
     # numbers of one quantity have one unit in cards, maps and tables; the files stay in SI

@@ -11,6 +11,7 @@ from random_structures import random_case
 from table_sums import impulses, loss_left, momentum_left
 
 import femimpact as fi
+from femimpact.figures.histories import cycle_averaged_force
 
 pytestmark = pytest.mark.impacts
 
@@ -176,7 +177,7 @@ def test_tables_of_methods_with_steps(name):
         sticking = response.sticking
         assert len(sticking) > 0
         left -= float((sticking.side * sticking.impulse).sum())
-        _, force = fi.figures.cycle_averaged_force(response)
+        _, force = cycle_averaged_force(response)
         assert force.sum() / base.frequency == pytest.approx(response.impacts.impulse.sum(), rel=ROUNDING)
     assert abs(left) < ROUNDING * size
 

@@ -209,7 +209,7 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched."""
     allowed = "is no choice of a design: name it in worst_over, or give its value with the study"
     require(not name.startswith(NO_DESIGN), f"axes.{name}", value, "", allowed)
-    return bounds_of_axis(f"axes.{name}", value)
+    return bounds_of_axis(f"axes.{name}", value, ": a list of values is that of an axis named in worst_over")
 
 
 def _sobol(count: int, axes: int, seed: int) -> Array:

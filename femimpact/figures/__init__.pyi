@@ -1,4 +1,3 @@
-from femimpact.figures.contacts import collision_history as collision_history
 from femimpact.figures.contacts import contact_laws as contact_laws
 from femimpact.figures.contacts import impact_histograms as impact_histograms
 from femimpact.figures.contacts import impulse_phase as impulse_phase
@@ -7,16 +6,16 @@ from femimpact.figures.curves import convergence_panels as convergence_panels
 from femimpact.figures.curves import decay as decay
 from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve
-from femimpact.figures.curves import value_map as value_map
 from femimpact.figures.drawing import COLOURS as COLOURS
+from femimpact.figures.drawing import PROJECTOR as PROJECTOR
 from femimpact.figures.drawing import STYLE as STYLE
 from femimpact.figures.drawing import OffScreen as OffScreen
 from femimpact.figures.drawing import save_figure as save_figure
 from femimpact.figures.histories import channels as channels
 from femimpact.figures.histories import contact_force as contact_force
-from femimpact.figures.histories import cycle_averaged_force as cycle_averaged_force
 from femimpact.figures.histories import drive as drive
 from femimpact.figures.histories import energies as energies
+from femimpact.figures.movie import write_mode as write_mode
 from femimpact.figures.movie import write_movie as write_movie
 from femimpact.figures.portraits import bifurcation as bifurcation
 from femimpact.figures.portraits import motion as motion
@@ -27,10 +26,6 @@ from femimpact.figures.spectra import shock_response_spectrum as shock_response_
 from femimpact.figures.spectra import spectrum as spectrum
 from femimpact.figures.spectra import transfer_function as transfer_function
 from femimpact.figures.studies import calibration as calibration
-from femimpact.figures.studies import study_lines as study_lines
-from femimpact.figures.studies import study_map as study_map
-from femimpact.figures.studies import study_maps as study_maps
-from femimpact.figures.studies import study_scatter as study_scatter
+from femimpact.figures.studies import study as study
 from femimpact.orbits.figures import branch as branch
 from femimpact.orbits.figures import orbit as orbit
-from femimpact.signals.densities import amplitude_spectrum as amplitude_spectrum

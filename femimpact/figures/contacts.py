@@ -123,32 +123,10 @@ POINTS = 400
 """Instants of one collision that are drawn."""
 
 
-@takes(effective_mass=EFFECTIVE_MASS, approach_speed=quantity("m/s", above=0.0))
 def collision_history(law: ContactLaw, effective_mass: float, approach_speed: float) -> tuple[Array, Array, Array]:
-    """One collision, integrated from touch to zero force.
-
-    Parameters
-    ----------
-    law : ContactLaw
-        Not a rigid one, which has no force.
-    effective_mass : float, kg
-    approach_speed : float, m/s
-
-    Returns
-    -------
-    depth : ndarray, m
-    rate : ndarray, m/s
-    force : ndarray, N
-
-    Raises
-    ------
-    InputError
-        If the law is a rigid one.
-    """
+    """Depth (m), rate (m/s) and force (N) of one collision (kg, m/s), integrated from touch to zero force."""
     from scipy.integrate import solve_ivp
 
-    rigid = resolve(law, effective_mass).is_rigid
-    require(not rigid, "law", law, "", "must have a force: a rigid contact is an impulse")
     collision = collide(law, effective_mass, approach_speed)
     m, v = effective_mass, approach_speed
 
@@ -213,7 +191,7 @@ def _loops(axis: Any, name: str, law: ContactLaw, mass: float, speeds: Sequence[
         axis.set_xticks([])
         axis.set_yticks([])
         axis.annotate("an impulse only: no force, no penetration", (0.5, 0.5), xycoords="axes fraction",
-                      ha="center", color=GREY)  # fmt: skip
+                      ha="center", color=GREY, fontsize=LEGEND)  # fmt: skip
         return
     loops = [collision_history(law, mass, speed) for speed in speeds]
     axis.set_xlim(0.0, 1.16e6 * max(depth.max() for depth, _, _ in loops))
@@ -236,5 +214,5 @@ def _loop(axis: Any, depth: Array, force: Array, colour: str, label: str) -> Non
     # beside an elastic line, on top of a loop
     elastic = depth[crest] > 0.995 * depth[turn]
     place: Any = {"xytext": (7, -3), "ha": "left", "va": "top"} if elastic else {"xytext": (0, 5), "ha": "center"}
-    axis.annotate(label, (depth[crest], force[crest]), textcoords="offset points", color=colour,
+    axis.annotate(label, (depth[crest], force[crest]), textcoords="offset points", color=colour, fontsize=LEGEND,
                   path_effects=[withStroke(linewidth=3.0, foreground="white")], **place)  # fmt: skip

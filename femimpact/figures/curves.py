@@ -15,6 +15,7 @@ from femimpact.figures.drawing import (
     COLOURS,
     DARK,
     GREY,
+    LEGEND,
     OffScreen,
     by_label,
     label_axes,
@@ -185,7 +186,7 @@ def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
     words = f"{number_text(peak[1])} {unit} at {number_text(peak[0])} Hz"
     if curve.peak_is_transient:
         words += ",\na transient has not died out"
-    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], **side)
+    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], fontsize=LEGEND, **side)
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:
@@ -303,75 +304,6 @@ def decay(result: DecayEstimate, ax: Axes | OffScreen | None = None) -> Axes:
     label_axes(axis, f"amplitude ({unit or 'unit of the signal'})", "damping ratio (%)", "")
     *lines, windows = axis.get_legend_handles_labels()[0]
     legend_above(axis, [windows, *lines])
-    return axis
-
-
-def _dot(text: str, marker: str = ".") -> Any:
-    """An entry of a legend: what a mark means."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=DARK, marker=marker, markersize=7.0, linestyle="none", label=text)
-
-
-@takes(
-    x=column("", "columns", finite=True),
-    y=column("", "rows", finite=True),
-    values=column("", "rows", "columns"),
-    samples=column("", "rows", "columns", of="truth value"),
-    title=text(),
-)
-def value_map(
-    x: ArrayLike,
-    y: ArrayLike,
-    values: ArrayLike,
-    samples: ArrayLike | None = None,
-    *,
-    title: str = "",
-    ax: Axes | OffScreen | None = None,
-) -> Axes:
-    """Values over two parameters as coloured cells with their numbers; the caller names the axes.
-
-    Parameters
-    ----------
-    x : array_like (m,)
-        Ascending.
-    y : array_like (n,)
-        Ascending.
-    values : array_like (n, m)
-    samples : array_like (n, m) of bool, optional
-        Which values are one start's of a motion that is not periodic, as `FrequencyResponse.is_sample` says: their
-        numbers have a star, which the legend explains.
-    title : str
-    ax : Axes, optional
-        Drawn on; those of a new pyplot figure by default.
-
-    Raises
-    ------
-    InputError
-        If the shapes do not fit, or there is no finite value.
-    """
-    columns, rows, cells = np.asarray(x), np.asarray(y), np.asarray(values)
-    require(bool(np.any(np.isfinite(cells))), "values", "none", "", "must have one that is finite")
-    marked = np.zeros(cells.shape, dtype=bool) if samples is None else np.asarray(samples)
-    axis = panel(ax, 8.0, 5.6)
-    low, high = np.nanmin(cells), np.nanmax(cells)
-    axis.imshow(cells, cmap="cividis", origin="lower", aspect="auto", vmin=low, vmax=high)
-    axis.grid(False)
-    axis.set_xticks(np.arange(columns.size), [f"{number_text(value, 3)}" for value in columns])
-    axis.set_yticks(np.arange(rows.size), [f"{number_text(value, 3)}" for value in rows])
-    for (i, j), value in np.ndenumerate(cells):
-        colour = "white" if value < 0.5 * (low + high) else "black"
-        axis.annotate(
-            f"{number_text(value, 2)}{'*' if marked[i, j] else ''}",
-            (j, i),
-            ha="center",
-            va="center",
-            color=colour,
-            fontsize=9.0,
-        )
-    axis.set_title(title, loc="left")
-    if marked.any():
-        legend_above(axis, [_dot(ONE_START, "$*$")])
     return axis
 
 

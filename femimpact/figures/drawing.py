@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, checked, quantity, require, require_type, suggestion
 from femimpact.excitation.excitation import has_cycle
 from femimpact.files import atomic_path, target_path
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind")
 
-BLUE, ORANGE, GREEN, PURPLE, SKY, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#666666"
+BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW, GREY = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#666666"
+)  # fmt: skip
 """Okabe and Ito's colours, which most colour-blind readers can distinguish."""
 DARK = "#333333"
 """Colour of supports, stops, connections and samples."""
@@ -45,11 +48,13 @@ STYLE: Any = {
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
     "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "lines.linewidth": 1.6,
-    "savefig.dpi": 150,
 }
 """Settings of matplotlib, for `matplotlib.rc_context`."""
+PROJECTOR: Any = STYLE | {"font.size": 14.3}
+"""The same with large print: a figure that is made in it is so much smaller, with more pixels to the inch."""
 LEGEND = 10.0
 """Size of the text of a legend, points."""
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
@@ -57,6 +62,8 @@ LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
 a row of a legend, by the size of its text."""
 MOST_MARKS, PIXELS = 5000, 96
 """Marks, cells or points of a line beyond which they become an image in SVG, and pixels of an inch of it."""
+CLOSE = 0.02
+"""Largest error of the number of a tick, by the distance to the next one."""
 CYCLES: Any = quantity("1", above=0.0)
 """Number of cycles of the base that are drawn."""
 
@@ -97,8 +104,12 @@ def panel(ax: Axes | OffScreen | None, width: float, height: float) -> Axes:
         axes: Axes = panels(ax, width, height)[0, 0]
         return axes
     from matplotlib.axes import Axes
+    from matplotlib.ticker import ScalarFormatter
 
     require_type(ax, Axes, "ax")
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_formatter(), ScalarFormatter):
+            axis.set_major_formatter(ScalarFormatter(useOffset=False))
     return ax
 
 
@@ -107,22 +118,25 @@ def panels(
 ) -> NDArray[np.object_]:
     """Axes (rows, columns) on a figure given, or on a new one of this size (inches).
 
-    Without a figure it is one of pyplot's, which a notebook shows.
+    Without a figure it is one of pyplot's, which a notebook shows. Where matplotlib's `font.size` is above that of
+    `STYLE`, all print is larger by as much.
 
     Raises `InputError` if `figure` is neither a figure, nor `OffScreen`, nor None.
     """
     import matplotlib
     from matplotlib.figure import Figure, FigureBase
 
+    larger = max(matplotlib.rcParams["font.size"] / STYLE["font.size"], 1.0)
+    size: Any = {"figsize": (width / larger, height / larger), "dpi": larger * matplotlib.rcParams["figure.dpi"]}
     if figure is None:
         import matplotlib.pyplot as plt
 
         # outside the style: the first figure of a notebook chooses the backend, which sets pyplot to interactive, and
         # the end of the style would set that back: no later figure would be shown
-        figure = plt.figure(figsize=(width, height), layout="constrained")
+        figure = plt.figure(**size, layout="constrained")
     with matplotlib.rc_context(STYLE):
         if isinstance(figure, OffScreen):
-            figure = Figure(figsize=(width, height), layout="constrained")
+            figure = Figure(**size, layout="constrained")
         require_type(figure, FigureBase, "figure")
         axes: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **options)
     return axes
@@ -148,7 +162,7 @@ def save_figure(drawn: Axes | NDArray[np.object_] | Figure, path: str | Path) ->
     suffix, known = path.suffix.lstrip(".").lower(), sorted(figure.canvas.get_supported_filetypes())
     require(suffix in known, "path", str(path), "", f"must end in .{', .'.join(known)}")
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
-        figure.savefig(temporary, format=suffix)
+        figure.savefig(temporary, format=suffix, dpi=1.5 * figure.dpi)
     return path
 
 
@@ -204,6 +218,18 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def tick_texts(values: Array) -> list[str]:
+    """Numbers of ticks, with as many digits as tell each from its neighbours: 3 of most."""
+    steps = np.abs(np.diff(values))
+    # of a single value any digits will do
+    nearest = np.minimum(np.append(steps, math.inf), np.append(math.inf, steps))
+    for digits in range(3, 16):
+        texts = [number_text(value, digits) for value in values]
+        if np.all(np.abs(np.array(texts, dtype=float) - values) <= CLOSE * nearest):
+            break
+    return texts
 
 
 def label_axes(axis: Axes, x: str, y: str, title: str = "") -> None:

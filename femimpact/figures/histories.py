@@ -96,33 +96,18 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
     axes[2].plot(ledger.time, ledger.residual_history, color=PURPLE, linewidth=1.2)
     title = f"energy unaccounted for over the energy put in: at most {number_text(ledger.residual, 2)}"
     label_axes(axes[2], "time (s)", "residual (1)", title)
+    axes[2].yaxis.set_major_formatter("{x:g}")
     return axes
 
 
 # ---- contact force --------------------------------------------------------------------------------
 
 
-@takes(response=instance(Response))
 def cycle_averaged_force(response: Response) -> tuple[Array, Array]:
-    """Normal force between balls, stops and beam, averaged over each complete base cycle of a run.
+    """Middle (s) of each complete cycle of the base, and its mean normal force (N) between balls, stops and beam.
 
-    The average of a cycle is the sum of the impulses of the impacts that touch in it, and of the sticking phases
-    by the time that they share with it, times the base's frequency.
-
-    Parameters
-    ----------
-    response : Response
-
-    Returns
-    -------
-    time : ndarray (cycles,), s
-        Middle of each cycle.
-    force : ndarray (cycles,), N
-
-    Raises
-    ------
-    InputError
-        If its excitation has no cycle.
+    It is the sum of the impulses of the impacts that touch in the cycle, and of the sticking phases by the time that
+    they share with it, times the base's frequency.
     """
     require(has_cycle(response.base), "response.base", words_of(response.base), "", "must have a cycle")
     period, impacts, sticking = 1.0 / response.base.frequency, response.impacts, response.sticking

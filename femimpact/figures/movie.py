@@ -1,13 +1,14 @@
-"""A slow-motion movie in which the beam swings and the ball meets its walls, drawn by matplotlib.
+"""A slow-motion movie in which the beam swings and the ball meets its walls, and that of a mode, by matplotlib.
 
-Every frame is a sheet: a caption, two views, and the histories with a moving marker.
+Every frame of a run is a sheet: a caption, two views, and the histories with a moving marker.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import thinned
-from femimpact.errors import instance, optional, quantity, takes
+from femimpact.errors import instance, optional, quantity, require, takes
 from femimpact.excitation.excitation import words_of
 from femimpact.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.files import atomic_path, target_path
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
-from femimpact.scene.placed import ball_radius
+from femimpact.scene.placed import Contact, ball_radius
 from femimpact.scene.scene import (
     BALL,
     BEAM,
@@ -32,6 +33,7 @@ from femimpact.scene.scene import (
     EXAGGERATION,
     STOP,
     SUPPORT,
+    SWING,
     Body,
     Scene,
     build_scene,
@@ -40,9 +42,11 @@ from femimpact.scene.scene import (
 )
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.modes import Modes, require_modes_of
+from femimpact.system.system import System
 from femimpact.units import number_text
 
-__all__ = ["write_movie"]
+__all__ = ["write_mode", "write_movie"]
 
 MOST_FPS = 1000
 """Frames per second; a GIF counts milliseconds."""
@@ -98,6 +102,78 @@ def write_movie(
     file = target_path(path)
     film = _film(response, structure, exaggeration, fps, most)
     return _encode(file, map(sheets(film), range(film.chosen.size)), fps)
+
+
+@takes(
+    system=instance(System), modes=instance(Modes), structure=instance(Structure),
+    mode=quantity("", at_least=1, integer=True), frames=quantity("frames", at_least=2, integer=True),
+    fps=quantity("1/s", at_least=1, at_most=MOST_FPS, integer=True),
+)  # fmt: skip
+def write_mode(
+    path: str | Path,
+    system: System,
+    modes: Modes,
+    structure: Structure,
+    mode: int = 1,
+    frames: int = 40,
+    fps: int = 25,
+) -> Path:
+    """Write one period of a mode as a movie that repeats; every ball moves with its box.
+
+    Parameters
+    ----------
+    path : str or Path
+        `.gif`, or `.mp4` with the movie extra (imageio-ffmpeg).
+    system : System
+    modes : Modes
+        Of the system.
+    structure : Structure
+    mode : int
+        Its number, from 1 on.
+    frames : int
+        In the period.
+    fps : int
+        Frames per second.
+
+    Returns
+    -------
+    Path
+        Of the file that was written, which may end in `.gif`.
+
+    Raises
+    ------
+    InputError
+        If the system has no beam, there is no such mode, or the path cannot be written.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> modes = fi.solve_modes(system, count=3)
+    >>> fi.figures.write_mode("mode_2.gif", system, modes, structure, mode=2)  # doctest: +SKIP
+    """
+    file, count = target_path(path), modes.natural_frequency.size
+    require(system.nodes.size > 1, "system.nodes", system.nodes.size, "", "must be 2 or more: a shape needs a beam")
+    require_modes_of(system.dofs, modes)
+    require(mode <= count, "mode", mode, "", f"must be one of the {count} modes")
+    length, scene, vector = structure.beam.length, build_scene(structure, system), modes.vectors[:, mode - 1]
+    height = SWING * length
+    factor = height / np.abs(system.deflection_rows(np.concatenate(scene.stretches)) @ vector).max()
+    balls = [float((system.deflection_rows([pair.position]) @ vector)[0]) for pair in system.balls]
+    moved = scene.displacement(factor * (system.expansion @ vector), factor * np.array(balls))
+
+    def moment(i: int) -> NDArray[np.float64]:
+        return np.asarray(scene.points + math.cos(2.0 * math.pi * i / frames) * moved)
+
+    def view(figure: Any) -> list[Draw]:
+        axis = figure.add_axes((0.075, 0.1, 0.905, 0.77))
+        middle, half = _ends(scene, length)
+        reach = _reach(scene, map(moment, range(frames)))
+        _fit(axis, 1e3 * middle, 1e3 * half, 1.05e3 * reach, 1e3 * height, "w / max |w|")
+        return [_moving_parts(axis, scene, system.balls, moment, np.zeros((frames, len(system.contacts)), dtype=int))]
+
+    ratio = number_text(100.0 * modes.damping_ratio[mode - 1], 3)
+    caption = f"Mode {mode}: {modes.natural_frequency[mode - 1]:.5g} Hz, damping ratio {ratio} %"
+    return _encode(file, map(_sheets(caption, view), range(frames)), fps)
 
 
 def _film(response: Response, structure: Structure, exaggeration: float | None, fps: int, most: int) -> Film:
@@ -181,6 +257,8 @@ VIEWS = slice(82, 462)
 CLOSE_UPS, SPACE = 0.64, 0.06
 """Left end of the close-ups in the plane of motion, and what is between them, by the width of the sheet."""
 BEAM_COLOUR, FLOOR = "#555b63", "#e3e8ee"
+LINE, EDGE = 2.0, 0.5
+"""Widths (points) of connections, and of the edges of bodies: no wider, or a thin plate would look thick."""
 DRAWN = {
     SUPPORT: "black", CONNECTION: DARK, BODY: "#c3ced9", BOX: "#7b8a9a", BEAM: BEAM_COLOUR, STOP: DARK
 }  # fmt: skip
@@ -202,13 +280,15 @@ class Film:
     # (frames, contacts) side of the wall that a ball touches, or of a stop that the beam touches; 0 without contact
     touched: NDArray[np.int64]
 
-    def moved(self, i: int) -> NDArray[np.float64]:
-        """Points (points, 3), m, of frame i."""
+    def moved(self, i: int, follow: int | None = None) -> NDArray[np.float64]:
+        """Points (points, 3), m, of frame i; with `follow` seen from the box of that pair."""
         k = self.chosen[i]
         nodal, balls = self.snapshots.displacement[k], self.snapshots.ball_displacement[k]
         # seen from the base, what is fixed in space moves against it
         space = -float(self.response.base.displacement(self.snapshots.time[k]))
-        return np.asarray(self.scene.points + self.scene.displacement(nodal, balls, space=space))
+        points = np.asarray(self.scene.points + self.scene.displacement(nodal, balls, space=space))
+        points[:, 1] -= 0.0 if follow is None else self.scene.exaggeration * self.at_pair(follow)[k]
+        return points
 
     def at_pair(self, j: int) -> NDArray[np.float64]:
         """Deflection (m) of the beam at pair j in every snapshot."""
@@ -222,23 +302,35 @@ class Film:
         moved = np.abs(self.snapshots.ball_displacement[:, j] - self.at_pair(j))
         return max(pair.gaps) if pair.has_walls else float(moved.max())
 
-    def ends(self, left: float, right: float) -> tuple[float, float]:
-        """Middle and half (m) of what is shown along the beam: these shares of its length, or all that is drawn."""
-        length, x = self.structure.beam.length, self.scene.points[:, 0]
-        low = min(left * length, float(x.min()) - 0.02 * length)
-        high = max(right * length, float(x.max()) + 0.02 * length)
-        return 0.5 * (low + high), 0.5 * (high - low)
 
-    @property
-    def reach(self) -> float:
-        """Largest exaggerated |y| (m) of anything drawn but stops, which may be far from the beam."""
-        scene = self.scene
-        still = [body.part in (STOP, CONTACT_POINT) for body in scene.bodies]
-        moving = ~np.repeat(still, np.diff([*scene.first, len(scene.points)]))
-        return max(float(np.abs(self.moved(i)[moving, 1]).max()) for i in range(self.chosen.size))
+def _ends(scene: Scene, length: float) -> tuple[float, float]:
+    """Middle and half (m) of what is shown along the beam: a little more than its length, or all that is drawn."""
+    x = scene.points[:, 0]
+    low = min(-0.04 * length, float(x.min()) - 0.02 * length)
+    high = max(1.08 * length, float(x.max()) + 0.02 * length)
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def _reach(scene: Scene, frames: Iterable[NDArray[np.float64]]) -> float:
+    """Largest |y| (m) in frames of points of anything drawn but stops, which may be far from the beam."""
+    still = [body.part in (STOP, CONTACT_POINT) for body in scene.bodies]
+    moving = ~np.repeat(still, np.diff([*scene.first, len(scene.points)]))
+    return max(float(np.abs(points[moving, 1]).max()) for points in frames)
 
 
 def sheets(film: Film) -> Callable[[int], NDArray[np.uint8]]:
+    """A function that draws frame i of a film as pixels."""
+
+    def views(figure: Any) -> list[Draw]:
+        for x, title in _titles(film):
+            figure.text(x, 0.905, title, va="center", color=GREY)
+        figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
+        return [_histories(figure, film), *_plane_views(figure, film)]
+
+    return _sheets(film.caption, views)
+
+
+def _sheets(caption: str, views: Callable[[Any], list[Draw]]) -> Callable[[int], NDArray[np.uint8]]:
     """A function that draws frame i as pixels; what does not move is drawn once.
 
     Returns (HEIGHT, WIDTH, 4): red, green, blue, and a byte that is not read.
@@ -250,11 +342,8 @@ def sheets(film: Film) -> Callable[[int], NDArray[np.uint8]]:
     with matplotlib.rc_context(STYLE | {"font.size": 13.0}):
         figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
         canvas: Any = FigureCanvasAgg(figure)
-        figure.text(0.02, 0.965, film.caption, va="center", color="black", fontsize=14.0)
-        for x, title in _titles(film):
-            figure.text(x, 0.905, title, va="center", color=GREY)
-        figure.text(0.02, 0.02, film.structure.beam.drawn_words, va="center", color=GREY)
-        draws = [_histories(figure, film), *_plane_views(figure, film)]
+        figure.text(0.02, 0.965, caption, va="center", color="black", fontsize=14.0)
+        draws = views(figure)
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)
 
@@ -347,9 +436,10 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
     """Axes of the beam, and of the close-up where there is a ball."""
     s, contacts = film.scene.exaggeration, film.response.system.balls
     axis = figure.add_axes((0.065, 0.435, 0.5 if contacts else 0.915, 0.435))
-    middle, half = film.ends(-0.04, 1.08)
-    _fit(axis, 1e3 * middle, 1e3 * half, 1.05e3 * film.reach, s, "relative to the base (mm)")
-    views = [_moving_parts(axis, film, None)]
+    middle, half = _ends(film.scene, film.structure.beam.length)
+    reach = _reach(film.scene, map(film.moved, range(film.chosen.size)))
+    _fit(axis, 1e3 * middle, 1e3 * half, 1.05e3 * reach, s, "relative to the base (mm)")
+    views = [_moving_parts(axis, film.scene, contacts, film.moved, film.touched)]
     width = (0.98 + SPACE - CLOSE_UPS) / max(len(contacts), 1) - SPACE
     if contacts:
         # one for all: below each of several it would be wider than its view
@@ -368,7 +458,7 @@ def _plane_views(figure: Any, film: Film) -> list[Draw]:
         close.set_xlabel("")
         if j > 0:
             close.set_ylabel("")
-        views.append(_moving_parts(close, film, j))
+        views.append(_moving_parts(close, film.scene, contacts, partial(film.moved, follow=j), film.touched))
     return views
 
 
@@ -388,12 +478,17 @@ def _fit(axis: Any, middle: float, half_x: float, half_y: float, exaggeration: f
     axis.set_ylabel(label)
 
 
-def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
-    """Beam, boxes and balls in the plane of motion; with `follow`, seen from the box of that pair."""
+def _moving_parts(
+    axis: Any,
+    scene: Scene,
+    balls: Sequence[Contact],
+    moved: Callable[[int], NDArray[np.float64]],  # points (points, 3), m, of a frame
+    touched: NDArray[np.int64],  # (frames, contacts) as of a film
+) -> Draw:
+    """Beam, boxes and balls in the plane of motion."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle
 
-    scene, balls = film.scene, film.response.system.balls
     parts = list(zip(scene.bodies, scene.first, strict=True))
     faces, owners = [], []
     for part in DRAWN:
@@ -403,7 +498,8 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
                 faces += own
                 owners += [body] * len(own)
     corners = np.array(faces)
-    collection = PolyCollection([], linewidths=2.0, joinstyle="round", animated=True)
+    widths = [LINE if body.part == CONNECTION else EDGE for body in owners]
+    collection = PolyCollection([], linewidths=widths, joinstyle="round", animated=True)
     axis.add_collection(collection, autolim=False)
     spheres = [slice(first, first + len(body.points)) for body, first in parts if body.part == BALL]
     circles = [
@@ -412,16 +508,15 @@ def _moving_parts(axis: Any, film: Film, follow: int | None) -> Draw:
     ]
 
     def draw(i: int) -> None:
-        moved = 1e3 * film.moved(i)[:, :2]
-        if follow is not None:
-            moved[:, 1] -= 1e3 * scene.exaggeration * film.at_pair(follow)[film.chosen[i]]
-        touched = film.touched[i]
-        colours = [ORANGE if one.side and touched[one.pair] == one.side else _colour(one) for one in owners]
-        collection.set(verts=moved[corners], facecolors=colours, edgecolors=colours)
+        places, sides = 1e3 * moved(i)[:, :2], touched[i]
+        colours = [ORANGE if one.side and sides[one.pair] == one.side else _colour(one) for one in owners]
+        # the floor has the edge of a box, so that it is around its ball
+        edges = [DRAWN[BOX] if _is_floor(one) else colour for one, colour in zip(owners, colours, strict=True)]
+        collection.set(verts=places[corners], facecolors=colours, edgecolors=edges)
         axis.draw_artist(collection)
         for j, (circle, points) in enumerate(zip(circles, spheres, strict=True)):
-            circle.set_center((1e3 * balls[j].position, float(moved[points, 1].mean())))
-            circle.set_color(ORANGE if touched[j] else BLUE)
+            circle.set_center((1e3 * balls[j].position, float(places[points, 1].mean())))
+            circle.set_color(ORANGE if sides[j] else BLUE)
             axis.draw_artist(circle)
 
     return draw
@@ -441,4 +536,8 @@ def _faces(body: Body) -> list[Any]:
 
 
 def _colour(body: Body) -> str:
-    return FLOOR if body.part == BOX and body.side == 0 else DRAWN[body.part]
+    return FLOOR if _is_floor(body) else DRAWN[body.part]
+
+
+def _is_floor(body: Body) -> bool:
+    return body.part == BOX and body.side == 0

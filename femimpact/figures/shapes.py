@@ -16,6 +16,7 @@ from femimpact.figures.drawing import (
     COLOURS,
     DARK,
     GREY,
+    LEGEND,
     OffScreen,
     draw_connection,
     draw_ground,
@@ -252,7 +253,7 @@ def _legend(axis: Any) -> None:
     # rows of equal length
     columns = math.ceil(len(named) / math.ceil(len(named) / 6))
     legend = axis.figure.legend(
-        list(named.values()), list(named), loc="outside lower center", ncols=columns, frameon=False
+        list(named.values()), list(named), loc="outside lower center", ncols=columns, frameon=False, fontsize=LEGEND
     )
     for handle in legend.legend_handles:
         handle.set_markersize(min(handle.get_markersize(), 12.0))

@@ -7,9 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
-from femimpact.errors import having, require, require_name, require_type, takes, text
-from femimpact.figures.drawing import BLUE, DARK, GREEN, OffScreen, legend_above, panel, panels, plain_log_ticks
+from femimpact.arrays import Array, thinned
+from femimpact.errors import having, optional, require, require_name, require_type, takes, text
+from femimpact.figures.drawing import (
+    BLUE,
+    DARK,
+    GREEN,
+    OffScreen,
+    legend_above,
+    panel,
+    panels,
+    plain_log_ticks,
+    tick_texts,
+)
 from femimpact.figures.study_labels import (
     BESIDE,
     OUTLINE,
@@ -17,8 +27,6 @@ from femimpact.figures.study_labels import (
     UNSURE,
     BestMarks,
     axis_words,
-    has_logarithmic_colours,
-    map_panels,
     sample_axes,
     single_samples,
     unsure_cells,
@@ -39,38 +47,97 @@ MOST_NUMBERS = 120
 
 MOST_TICKS, MOST_TICKS_OF_PANEL = 12, 5
 
+LETTERS = 11.0
+"""Letters of the numbers of ticks in an inch of an axis."""
+
 MOST_PANELS_EACH_WAY = 6
 """Maps of a figure along its rows and along its columns."""
+
+LOGARITHMIC = 10.0
+"""Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
 
 CORNER = 0.3
 """Sides of the mark in the corner of a cell, over those of the cell."""
 
 
-@takes(measure=text(), title=text())
-def study_lines(
-    dataset: xarray.Dataset, measure: str, *, title: str = "", ax: Axes | OffScreen | None = None
-) -> Axes:  # fmt: skip
-    """A measure over one axis: a line of its medians, bands from the smallest start to the largest and of the median.
+@takes(measure=optional(text()), title=text())
+def study(
+    dataset: xarray.Dataset, measure: str | None = None, *, title: str = "", norm: str | Normalize | None = None,
+    ax: Axes | OffScreen | None = None, figure: FigureBase | OffScreen | None = None,
+) -> Any:  # fmt: skip
+    """A measure of a parameter study: a line over one axis, a map over two, maps over more, dots of a sample of cases.
+
+    Axes of a single value do not count. A line is that of the medians, with bands from the smallest start to the
+    largest and of the median. Maps have the first axis to the right; the third and the fourth lie along columns and
+    rows of maps, of an axis beyond the fourth the middle value is shown, and of more values than fit some. Dots are
+    drawn over each axis of a list or a sample of cases, with lines from the smallest start to the largest.
+
+    A cell has a mark in its corner where the 90 % interval of its median is wider than the largest difference of its
+    median to that of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no
+    interval; a star is then at a motion that is not periodic, whose value is one sample.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        Of `parameter_study`, over one axis.
-    measure : str
+        Of `parameter_study`, or any other with axes.
+    measure : str, optional
+        The first of the dataset by default.
     title : str
+    norm : {"linear", "log"} or Normalize of matplotlib, optional
+        Scale of the colours, of values in the unit of the bar; by default logarithmic where all values are above 0 and
+        the largest is more than 10 times the smallest.
     ax : Axes, optional
-        Drawn on; those of a new pyplot figure by default.
+        A line or one map is drawn on; those of a new pyplot figure by default.
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    Axes, or ndarray of Axes
+        An array of several maps, and of the dots over each axis.
 
     Raises
     ------
     InputError
-        If the dataset is not that of a study, has another number of axes, or no such measure.
+        If there is no such measure, it has no axis, there are `ax` for several panels or a `norm` without a map, no
+        value of a map is finite, or a logarithmic scale is asked for of a value that is not above 0.
+
+    Examples
+    --------
+    >>> import xarray
+    >>> peaks = xarray.Dataset({"peak": ("gap", [5e-3, 8e-3])}, {"gap": [2e-3, 4e-3]})
+    >>> axis = fi.figures.study(peaks, "peak", ax=fi.figures.OffScreen())
     """
-    values = _values(dataset, measure, 1)
+    measure = _measure(dataset, measure)
+    dataset = without_single(dataset, measure)
+    names = [str(name) for name in dataset[measure].dims]
+    require(bool(names), "dataset", f"{measure} alone", "", "must have an axis: one number has no figure")
+    require(ax is None or figure is None, "ax", ax, "", "must be left out beside figure=")
+    listed, is_line = names == ["case"], len(names) == 1
+    allowed = "must be left out: colours are those of a map, over two axes or more"
+    require(norm is None or not is_line, "norm", norm, "", allowed)
+    if listed or len(names) > 2:
+        allowed = f"must be left out, over {'a list of cases' if listed else f'{len(names)} axes'}: give figure="
+        require(ax is None or isinstance(ax, OffScreen), "ax", ax, "", allowed)
+        on: Any = ax if figure is None else figure
+        return _scatter(dataset, measure, title, on) if listed else _maps(dataset, measure, norm, title, on)
+    axis = panel(ax, 8.0, 5.0) if figure is None else panels(figure, 8.0, 5.0)[0, 0]
+    return _line(dataset, measure, title, axis) if is_line else _map(dataset, measure, norm, title, axis)
+
+
+def without_single(dataset: xarray.Dataset, measure: str) -> xarray.Dataset:
+    """The dataset at the one value of each axis of a measure that has no other, unless all are such."""
+    sizes = {name: size for name, size in dataset[measure].sizes.items() if size > 1}
+    kept = [*sizes] or [*dataset[measure].dims[:1]]
+    return dataset.isel({name: 0 for name in dataset[measure].dims if name not in kept})
+
+
+def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes:
+    """A line of medians with its bands."""
     (name,) = dataset[measure].dims
+    values = _values(dataset, measure)
     x, label, words = _axis_values(dataset, str(name))
     factor, unit = _scale(dataset, measure, values)
-    axis = panel(ax, 8.0, 5.0)
     entries: list[Any] = []
     for low, high, alpha, meaning in (
         ("_low", "_high", 0.18, "smallest to largest of the starts"),
@@ -86,17 +153,26 @@ def study_lines(
     if single.any():
         meaning = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
         entries.append(axis.plot(x[single], factor * values[single], "*", color=DARK, markersize=9.0, label=meaning)[0])
-    if words is not None:
-        axis.set_xticks(x, words)
-    axis.set(xlabel=label, ylabel=_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    texts, step = words or tick_texts(x), float(np.diff(np.unique(x)).min(initial=np.inf))
+    room = LETTERS * axis.get_window_extent().width / axis.figure.dpi
+    if words is not None or (1 + max(map(len, texts))) * np.ptp(x) <= room * step:
+        axis.set_xticks(x, texts)
+    else:
+        # each value of the study has a mark, and some have their numbers
+        axis.set_xticks(x, minor=True)
+    axis.set(xlabel=label, ylabel=_measure_label(dataset, measure, unit))
     axis.set_title(title, loc="left")
     legend_above(axis, entries)
     return axis
 
 
 def mark_best(axis: Axes, dataset: xarray.Dataset, measure: str, marks: BestMarks) -> Axes:
-    """The axes of `study_lines` with levels across, a span of the axis shaded, and a ring at the best."""
-    factor, _ = _scale(dataset, measure, _values(dataset, measure, 1))
+    """The axes of `study`; of a line with levels across, a span of the axis shaded, and a ring at the best."""
+    dataset = without_single(dataset, measure)
+    if dataset[measure].ndim > 1:
+        # a map outlines the best
+        return axis
+    factor, _ = _scale(dataset, measure, _values(dataset, measure))
     (name,) = (str(dim) for dim in dataset[measure].dims)
     x, _, words = _axis_values(dataset, name)
     for label, level in marks.levels:
@@ -114,101 +190,47 @@ def mark_best(axis: Axes, dataset: xarray.Dataset, measure: str, marks: BestMark
     return axis
 
 
-@takes(measure=text(), title=text())
-def study_map(
-    dataset: xarray.Dataset, measure: str, *, title: str = "", norm: str | Normalize | None = None,
-    ax: Axes | OffScreen | None = None,
-) -> Axes:  # fmt: skip
-    """A measure over two axes as coloured cells, the first axis of the study to the right.
-
-    A cell has a mark in its corner where the 90 % interval of its median is wider than the largest difference of its
-    median to that of a neighbour: between such cells the map says nothing. Of fewer than 5 starts there is no
-    interval; a star is then at a motion that is not periodic, whose value is one sample.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study`, over two axes.
-    measure : str
-    title : str
-    norm : {"linear", "log"} or Normalize of matplotlib, optional
-        Scale of the colours, of values in the unit of the bar; by default logarithmic where all values are above 0 and
-        the largest is more than 10 times the smallest.
-    ax : Axes, optional
-        Drawn on; those of a new pyplot figure by default.
-
-    Raises
-    ------
-    InputError
-        If the dataset is not that of a study, has another number of axes, or no value of the measure, or a logarithmic
-        scale is asked for of a value that is not above 0.
-    """
-    values = _values(dataset, measure, 2)
-    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
-    axis = panel(ax, 8.0, 5.8)
+def _map(dataset: xarray.Dataset, measure: str, norm: str | Normalize | None, title: str, axis: Axes) -> Axes:
+    """Coloured cells over two axes, with a bar."""
+    values = _map_values(dataset, measure)
     factor, unit = _scale(dataset, measure, values)
     image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
-    starts = int(dataset.attrs.get("starts", 1))
-    words = dataset[measure].attrs.get("long_name", measure)
-    bar: Any = axis.figure.colorbar(image, ax=axis, format="%g")
-    bar.set_label(_label(words, unit, starts))
+    _bar(image, axis, _measure_label(dataset, measure, unit))
     axis.set_title(title, loc="left")
     _map_legend(axis, dataset, measure)
     return axis
 
 
-@takes(measure=text())
-def study_maps(
-    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
-) -> NDArray[np.object_]:  # fmt: skip
-    """A measure over three axes or four: a map over the first two in each panel, the others along rows and columns.
-
-    Of an axis beyond the fourth the middle value is shown, and of more values than fit some.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study`, over three axes or more.
-    measure : str
-    figure : Figure, optional
-        Drawn on; a new one of pyplot's by default.
-
-    Returns
-    -------
-    ndarray of Axes
-
-    Raises
-    ------
-    InputError
-        If the dataset is not that of a study, has fewer axes, or no value of the measure.
-    """
-    values = _values(dataset, measure, None)
+def _maps(
+    dataset: xarray.Dataset, measure: str, norm: str | Normalize | None, title: str, on: FigureBase | OffScreen | None
+) -> NDArray[np.object_]:
+    """A map over the first two of three axes or more in each panel, the others along rows and columns."""
+    values = _map_values(dataset, measure)
     names = [str(name) for name in dataset[measure].dims]
-    require(len(names) >= 3, "dataset", f"{len(names)} axes", "", "must have three axes or more")
-    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
-    chosen, middle = map_panels(dataset, names, MOST_PANELS_EACH_WAY, MOST_PANELS_EACH_WAY)
+    chosen = {name: thinned(dataset.sizes[name], MOST_PANELS_EACH_WAY).tolist() for name in names[2:4]}
+    middle = {name: dataset.sizes[name] // 2 for name in names[4:]}
     at_middle, (across, *_) = dataset.isel(middle), chosen
     down = names[3] if len(names) > 3 else None
     columns, rows = chosen[across], chosen[down] if down else [0]
     factor, unit = _scale(dataset, measure, values)
-    norm = _colours(None, factor * values)
+    colours = _colours(norm, factor * values)
     width, height = 2.2 + 2.6 * len(columns), 1.4 + 2.5 * len(rows)
-    axes = panels(figure, width, height, len(rows), len(columns), sharex=True, sharey=True)
+    axes = panels(on, width, height, len(rows), len(columns), sharex=True, sharey=True)
     image, maps = None, []
     for i, row in enumerate(rows):
         for j, column in enumerate(columns):
             cells = at_middle.isel({across: column} | ({down: row} if down else {}))
             maps.append(cells)
-            image = _cells(axes[i, j], cells, measure, factor, norm, numbers=False)
+            image = _cells(axes[i, j], cells, measure, factor, colours, numbers=False)
             lines = [_told(dataset, across, column)] + ([_told(dataset, down, row)] if down else [])
             axes[i, j].set_title("\n".join(lines), loc="left", fontsize=9.0)
             if i < len(rows) - 1:
                 axes[i, j].set_xlabel("")
             if j:
                 axes[i, j].set_ylabel("")
-    bar = axes[0, 0].figure.colorbar(image, ax=axes, format="%g")
-    bar.set_label(_label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1))))
-    lines = [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
+    _bar(image, axes, _measure_label(dataset, measure, unit))
+    lines = [title] if title else []
+    lines += [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
     lines += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
     lines += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
@@ -217,36 +239,14 @@ def study_maps(
     return axes
 
 
-@takes(measure=text())
-def study_scatter(
-    dataset: xarray.Dataset, measure: str, *, figure: FigureBase | OffScreen | None = None
-) -> NDArray[np.object_]:  # fmt: skip
-    """A measure of a list or a sample of cases over each of its axes: dots, and lines from smallest to largest.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of `parameter_study` with a sample, or with a list of cases.
-    measure : str
-    figure : Figure, optional
-        Drawn on; a new one of pyplot's by default.
-
-    Returns
-    -------
-    ndarray of Axes
-
-    Raises
-    ------
-    InputError
-        If the dataset is not that of a list or a sample, or has no such measure.
-    """
-    values = _values(dataset, measure, 1)
-    listed = dataset[measure].dims == ("case",)
-    require(listed, "dataset", ", ".join(map(str, dataset[measure].dims)), "", "must be of a list or a sample of cases")
+def _scatter(
+    dataset: xarray.Dataset, measure: str, title: str, on: FigureBase | OffScreen | None
+) -> NDArray[np.object_]:
+    """Dots of a list or a sample of cases over each of its axes."""
+    values = _values(dataset, measure)
     names = sample_axes(dataset)
     factor, unit = _scale(dataset, measure, values)
-    axes = panels(figure, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
-    starts = int(dataset.attrs.get("starts", 1))
+    axes = panels(on, 1.5 + 3.4 * len(names), 4.2, 1, len(names), sharey=True)
     for axis, name in zip(axes[0], names, strict=True):
         x, label, words = _axis_values(dataset, name)
         if f"{measure}_low" in dataset:
@@ -256,27 +256,36 @@ def study_scatter(
         if words is not None:
             axis.set_xticks(x, words)
         axis.set_xlabel(label)
-    axes[0, 0].set_ylabel(_label(dataset[measure].attrs.get("long_name", measure), unit, starts))
+    axes[0, 0].set_ylabel(_measure_label(dataset, measure, unit))
+    axes[0, 0].set_title(title, loc="left")
     return axes
 
 
 # ---- what they share -------------------------------------------------------------------------------
 
 
-def _values(dataset: xarray.Dataset, measure: str, axes: int | None) -> Array:
-    """Values of a measure, over as many axes.
+def _measure(dataset: xarray.Dataset, measure: str | None) -> str:
+    """Name of a measure, by default of the first.
 
-    Raises `InputError` if the dataset is not that of a study, has another number of axes, or no such measure.
+    Raises `InputError` if the dataset is none, or has no such measure.
     """
     import xarray
 
     require_type(dataset, xarray.Dataset, "dataset")
     known = [str(name) for name in dataset.data_vars if name not in BESIDE and dataset[name].dtype.kind in "fiu"]
     require(bool(known), "dataset", "no measure", "", "must hold a variable of numbers")
-    require_name(measure, known, "measure")
-    count = len(dataset[measure].dims)
-    require(axes in (None, count), "dataset", f"{count} axes", "", f"must have {axes} axes for this figure")
+    require_name(known[0] if measure is None else measure, known, "measure")
+    return known[0] if measure is None else measure
+
+
+def _values(dataset: xarray.Dataset, measure: str) -> Array:
     return np.asarray(dataset[measure].to_numpy(), dtype=float)
+
+
+def _map_values(dataset: xarray.Dataset, measure: str) -> Array:
+    values = _values(dataset, measure)
+    require(bool(np.any(np.isfinite(values))), "dataset", measure, "", "must have a finite value of the measure")
+    return values
 
 
 def _scale(dataset: xarray.Dataset, measure: str, values: Array) -> tuple[float, str]:
@@ -284,6 +293,19 @@ def _scale(dataset: xarray.Dataset, measure: str, values: Array) -> tuple[float,
     unit = str(dataset[measure].attrs.get("units", ""))
     largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     return (1.0, "") if unit in ("", "1") else prefixed(largest, unit)
+
+
+def _measure_label(dataset: xarray.Dataset, measure: str, unit: str) -> str:
+    return _label(dataset[measure].attrs.get("long_name", measure), unit, int(dataset.attrs.get("starts", 1)))
+
+
+def _bar(image: Any, axes: Any, label: str) -> None:
+    """The bar of the colours of cells, beside axes."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import ScalarFormatter
+
+    ticks = "%g" if isinstance(image.norm, LogNorm) else ScalarFormatter(useOffset=False)
+    image.figure.colorbar(image, ax=axes, format=ticks).set_label(label)
 
 
 def _label(words: str, unit: str, starts: int) -> str:
@@ -315,7 +337,7 @@ def _told(dataset: xarray.Dataset, name: str, index: int) -> str:
     if words is not None:
         return f"{label}: {words[index]}"
     head, _, unit = label.rpartition(" (")
-    return f"{head or label}: {number_text(x[index], 3)}{' ' + unit.rstrip(')') if head else ''}"
+    return f"{head or label}: {tick_texts(x)[index]}{' ' + unit.rstrip(')') if head else ''}"
 
 
 def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
@@ -324,11 +346,12 @@ def _colours(norm: str | Normalize | None, values: Array) -> Normalize:
 
     if isinstance(norm, Normalize):
         return norm
-    known = norm is None or norm in ("linear", "log")
+    known = norm is None or (isinstance(norm, str) and norm in ("linear", "log"))
     require(known, "norm", norm, "", 'must be "linear", "log", or a Normalize of matplotlib')
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     require(norm != "log" or low > 0.0, "norm", "log", "", f"needs values above 0, and the smallest is {low:.4g}")
-    logarithmic = has_logarithmic_colours(values) if norm is None else norm == "log"
+    # one large cell would leave the others one colour
+    logarithmic = high > LOGARITHMIC * low > 0.0 if norm is None else norm == "log"
     return LogNorm(low, high) if logarithmic else Normalize(low, high)
 
 
@@ -347,7 +370,7 @@ def _cells(
     ):  # fmt: skip
         x, label, words = _axis_values(dataset, name)
         chosen = list(range(0, x.size, -(-x.size // (MOST_TICKS if numbers else MOST_TICKS_OF_PANEL))))
-        set_ticks(chosen, [words[i] if words is not None else f"{number_text(x[i], 3)}" for i in chosen])
+        set_ticks(chosen, tick_texts(x[chosen]) if words is None else [words[i] for i in chosen])
         set_label(label)
     if "is_best" in dataset:
         for i, j in np.argwhere(dataset["is_best"].to_numpy().T):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array, thinned
 from femimpact.units import SHOWN_IN
 
 if TYPE_CHECKING:
@@ -61,9 +60,17 @@ def axis_names(dataset: xarray.Dataset) -> list[str]:
     return [name for name in names if name not in sides]
 
 
+def path_words(path: str) -> str:
+    """Words for a number of a study by its path, as "gap of ball" for impactor.ball.gap."""
+    owner, _, rest = path.partition(".")
+    part, _, name = rest.replace("contact.", "").rpartition(".")
+    whose = part if owner in ("impactor", "absorber", "stop") else f"{owner} {part}".strip().replace(".", " ")
+    return (f"{name} of {whose}" if rest else path).replace("_", " ")
+
+
 def axis_words(dataset: xarray.Dataset, name: str) -> str:
     """Long name of an axis."""
-    return str(dataset[name].attrs.get("long_name", name)).removesuffix(PAIRED)
+    return str(dataset[name].attrs.get("long_name", path_words(name))).removesuffix(PAIRED)
 
 
 def value_words(dataset: xarray.Dataset, name: str) -> list[str] | None:
@@ -107,18 +114,6 @@ def case_columns(
 def sample_axes(dataset: xarray.Dataset) -> list[str]:
     """Names of the coordinates over which a list or a sample of cases is drawn; of pairs of gaps the two sides."""
     return [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]
-
-
-def map_panels(
-    dataset: xarray.Dataset,
-    axes: Sequence[str],  # three or more; the first two are those of each map
-    most: int,  # values of the third axis where there is no fourth
-    most_each: int,  # values of the third axis and of the fourth
-) -> tuple[dict[str, list[int]], dict[str, int]]:
-    """Numbers of the values of the third axis and the fourth that have a map, and of the others the middle one."""
-    further = axes[2:4]
-    drawn = {name: thinned(dataset.sizes[name], most if len(further) < 2 else most_each).tolist() for name in further}
-    return drawn, {name: dataset.sizes[name] // 2 for name in axes[4:]}
 
 
 def single_samples(dataset: xarray.Dataset) -> NDArray[np.bool_]:
@@ -165,14 +160,3 @@ class BestMarks:
 
 OUTLINED, OUTLINE = "the best", "#e4002b"
 """Meaning and colour of the outline of a cell at which `is_best` of a dataset is true."""
-
-LOGARITHMIC = 10.0
-"""Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
-
-
-def has_logarithmic_colours(
-    values: Array,  # of all cells that share a scale of colours; what is not finite does not count
-) -> bool:
-    """True where the colours of a map are to be logarithmic: one large cell would leave the others one colour."""
-    finite = values[np.isfinite(values)]
-    return bool(finite.size and finite.min() > 0.0 and finite.max() > LOGARITHMIC * finite.min())

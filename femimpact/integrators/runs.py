@@ -11,7 +11,7 @@ from typing import Any, cast, overload
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import changed, checked, in_range, made, quantity, require, require_type, warns
+from femimpact.errors import changed, checked, in_range, kind_of, made, quantity, require, require_type, warns
 from femimpact.excitation.drives import alone, until
 from femimpact.excitation.excitation import Excitation, has_cycle, require_excitation
 from femimpact.excitation.remarks import motion_notes
@@ -378,7 +378,8 @@ def achieved_restitution(
     InputError
         If the method has no step for the pair's law.
     """
-    require_type(pair, ContactPair, "pair")
+    allowed = "must be a ContactPair, one of those in system.contacts"
+    require(isinstance(pair, ContactPair), "pair", kind_of(pair), "", allowed)
     approach_speed = checked("approach_speed", approach_speed, quantity("m/s", above=0.0))
     phases = checked("phases", phases, quantity("1", at_least=1, at_most=1_000_000, integer=True))
     require_method(method)

@@ -18,6 +18,7 @@ from femimpact.figures.drawing import (
     ORANGE,
     PURPLE,
     SKY,
+    YELLOW,
     OffScreen,
     label_axes,
     legend_above,
@@ -26,6 +27,7 @@ from femimpact.figures.drawing import (
     panels,
 )
 from femimpact.figures.portraits import ContactRow, phase_portrait
+from femimpact.figures.study_labels import path_words
 from femimpact.orbits.branch import Branch
 from femimpact.orbits.orbit import PeriodicOrbit, period_of
 from femimpact.units import prefixed
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
 MARKS = {
     "fold": ("s", ORANGE), "symmetry-breaking": ("D", GREEN), "period-doubling": ("^", PURPLE),
-    "neimark-sacker": ("o", SKY), "branch-point": ("P", GREY), "grazing": ("X", DARK), "sticking": ("*", DARK),
+    "neimark-sacker": ("o", SKY), "branch-point": ("P", GREY), "grazing": ("X", DARK), "sticking": ("*", YELLOW),
 }  # fmt: skip
 """Marker and colour of each kind of bifurcation."""
 
@@ -44,7 +46,7 @@ AXES = {
     "base.frequency": "frequency of the excitation", "base.amplitude": "amplitude of the excitation",
     "damping.factor": "factor on all damping",
 }  # fmt: skip
-"""Words for parameters of the excitation and the damping; the others are shown by their paths."""
+"""Words for parameters of the excitation and the damping; the others have those of a study."""
 
 
 SWEPT = "stepped sweep"
@@ -106,7 +108,7 @@ def branch(
 
 def parameter_words(parameter: str, unit: str) -> str:
     """Words for the axis of a parameter, in a unit."""
-    name = AXES.get(parameter, parameter)
+    name = AXES.get(parameter) or path_words(parameter)
     return name if unit == "1" else f"{name} ({unit})"
 
 

@@ -1,6 +1,7 @@
 from femimpact.signals.decay import DecayEstimate as DecayEstimate
 from femimpact.signals.decay import DecayMode as DecayMode
 from femimpact.signals.densities import Spectrum as Spectrum
+from femimpact.signals.densities import amplitude_spectrum as amplitude_spectrum
 from femimpact.signals.laser import LaserReading as LaserReading
 from femimpact.signals.laser import extrapolate as extrapolate
 from femimpact.signals.one_pole import DampingEstimate as DampingEstimate

@@ -207,6 +207,13 @@ class Beam:
 
     segments: Sequence[Segment]
 
+    def __new__(cls, *_: Any, **named: Any) -> Beam:
+        """A beam whose fields are not set yet; `InputError` for the sizes that `uniform` and its like take."""
+        words = "a Beam has segments; Beam.uniform, round, tube and section take length and sizes of one"
+        if unknown := sorted(named.keys() - {"segments"}):
+            raise InputError([Fault(", ".join(unknown), None, "", words)])
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         if isinstance(self.segments, list):
             object.__setattr__(self, "segments", tuple(self.segments))

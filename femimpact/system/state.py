@@ -337,7 +337,9 @@ class State:
             if not pair.parameters.is_rigid:
                 continue
             x = float(y[j] - pair.direction @ u)
-            allowed = f"must start between its walls, {-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
+            own = "" if pair.is_stop else "ball_displacement of State less "
+            reach = f"{-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
+            allowed = f"must start between its walls, {reach}; it is {own}the beam's displacement there"
             inside = -pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate

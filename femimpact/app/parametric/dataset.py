@@ -40,7 +40,7 @@ from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
 from femimpact.errors import Fault, InputError, require
 from femimpact.excitation.drives import drive_words
-from femimpact.figures.study_labels import PAIRED, STATISTICS
+from femimpact.figures.study_labels import PAIRED, STATISTICS, path_words
 from femimpact.files import atomic_write, to_disk
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings
@@ -180,9 +180,7 @@ def _axis(study: ParameterStudy, axis: int) -> Iterator[tuple[str, list[Any]]]:
     table, place = study.table, study.table.places[axis]
     dims, levels = [place.path if table.is_grid else "case"], table.levels[axis]
     values = list(levels) if table.is_grid else [levels[code] for code in table.codes[axis].tolist()]
-    words = place.field.replace("contact.", "").replace("_", " ")
-    if place.owner != "function":
-        words = f"{words} of {place.owner} {place.part}".strip()
+    words = path_words(place.path)
     distribution = str(study.distributions.get(place.path, ""))
     attributes = {"units": place.unit, "distribution": distribution}
     described = {"long_name": words} | {name: text for name, text in attributes.items() if text}

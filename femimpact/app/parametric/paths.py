@@ -244,11 +244,11 @@ def pair_with(pair: ContactPair, name: str, value: Any) -> ContactPair:
     return replace(pair, **{name: value})
 
 
-def bounds_of_axis(key: str, value: Any) -> tuple[float, float]:
+def bounds_of_axis(key: str, value: Any, way: str = "") -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched, as (low, high)."""
     two = isinstance(value, (tuple, list)) and len(value) == 2
     two = two and all(in_range(end, quantity("")) for end in value) and value[0] < value[1]
-    require(two, key, value, "", "must be (low, high), two numbers with low < high")
+    require(two, key, value, "", f"must be (low, high), two numbers with low < high{way}")
     return float(value[0]), float(value[1])
 
 

@@ -140,18 +140,8 @@ def _remarks(found: Any) -> str:
 
 
 def _of_measure(one: Measure) -> Any:
-    """The figure that suits the axes: one with a single value is none."""
-    data = one.dataset
-    longer = [dim for dim, size in data[one.name].sizes.items() if size > 1] or list(data[one.name].dims[:1])
-    data = data.isel({dim: 0 for dim in data[one.name].dims if dim not in longer})
-    if longer == ["case"]:
-        return figures.study_scatter(data, one.name, figure=OFF_SCREEN)
-    if len(longer) == 1:
-        axes = figures.study_lines(data, one.name, ax=OFF_SCREEN)
-        return axes if one.marks is None else mark_best(axes, data, one.name, one.marks)
-    if len(longer) == 2:
-        return figures.study_map(data, one.name, ax=OFF_SCREEN)
-    return figures.study_maps(data, one.name, figure=OFF_SCREEN)
+    axes = figures.study(one.dataset, one.name, figure=OFF_SCREEN)
+    return axes if one.marks is None else mark_best(axes, one.dataset, one.name, one.marks)
 
 
 def _of_ranges(ranges: StartRanges) -> Any:
@@ -161,7 +151,7 @@ def _of_ranges(ranges: StartRanges) -> Any:
     axes = panels(OFF_SCREEN, *size, sharex=True, sharey="row")
     for row, measure in zip(axes, measures, strict=True):
         for axis, (start, data) in zip(row, ranges.frames.items(), strict=True):
-            figures.study_lines(data, measure, title=START_WORDS[start], ax=axis)
+            figures.study(data, measure, title=START_WORDS[start], ax=axis)
     return axes
 
 
