@@ -688,7 +688,6 @@ def test_figures_over_frequency_have_the_axes_of_the_trade():
         fi.figures.spectrum(run, highest=1e-3, ax=off)
 
 
-@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", ["density", "amplitude"])
 def test_the_spectrum_of_a_channel_at_rest_is_drawn(kind):
     system = fi.System.from_matrices([[1.0]], [[1.0]], [[900.0]], points={"tip": [1.0]})
