@@ -18,6 +18,7 @@ from femimpact.lazy import GONE
 SOUGHT = {
     "modes": "fi.solve_modes", "simulate": "fi.integrate", "write_movie": "fi.figures.write_movie",
     "to_pyvista": "fi.vtk.to_pyvista", "amplitude_spectrum": "fi.signals.amplitude_spectrum",
+    "scan_restitution": "fi.parameter_study", "RestitutionScan": "fi.parameter_study",
 }  # fmt: skip
 """Names that are looked for below the package, and what they are."""
 
