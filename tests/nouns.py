@@ -19,6 +19,7 @@ from femimpact.response.regimes import Regime, RegimeCriteria
 from femimpact.signals.one_pole import one_pole_amplitude
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
+STEEL_BALL = fi.Impactor("ball", "tip", 3e-3, 1e-3, LAW, material="steel", wall="aluminium")
 STRUCTURE = fi.Structure(
     beam=fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700.0),
     masses=(fi.PointMass("box", "tip", 0.02),),
@@ -241,6 +242,11 @@ VERBS = {
     }),
     "integrated_collision": (fi.contact.integrated_collision, lambda: {
         "force": lambda depth, rate: 1e4 * depth, "effective_mass": 3e-3, "approach_speed": 0.2
+    }),
+    "Impactor.box_mass": (lambda **given: STEEL_BALL.box_mass(**given), lambda: {"thickness": 1e-3}),
+    "Impactor.wall_pressure": (lambda **given: STEEL_BALL.wall_pressure(**given), lambda: {"approach_speed": 0.2}),
+    "hertz_pressure": (fi.contact.hertz_pressure, lambda: {
+        "force": 10.0, "radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM
     }),
     "hertz_stiffness": (fi.contact.hertz_stiffness,
         lambda: {"radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM}),

@@ -278,6 +278,9 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
 # ---- words and tables beside the pictures ----------------------------------------------------------
 
 
+THIN = 1e-3
+"""Walls (m) of the box whose mass stands beside a ball."""
+
 Beside = list[Element | Table | str]
 """Words, tables, and other elements of a part of a page, in their order."""
 
@@ -286,7 +289,7 @@ def tables_of(results: ResultReading) -> Iterator[Table]:
     """Tables of results that stand on the page and on the terminal alike."""
     for key, make in (
         ("modes", _modes), ("comparison", _comparison), ("motion", _motion), ("orbits", _orbits),
-        ("recommended", _recommended),
+        ("recommended", _recommended), ("box", _boxes),
     ):  # fmt: skip
         parts = results.attempt(SECTIONS[key], partial(make, results)) or []
         yield from (part for part in parts if isinstance(part, Table))
@@ -299,6 +302,7 @@ def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[
         for key, make in (
             ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
             ("modes", _modes), ("recommended", _recommended), ("cases", _cases),
+            ("box", _boxes),
         )
     }  # fmt: skip
     for record in records:
@@ -332,6 +336,23 @@ def _motion(results: ResultReading) -> Beside:
         words = f"Kind of motion over the last third: {history.regime.label}. Criterion: {history.regime.criterion}."
     channels = channel_table(results.findings)
     return [words, *([] if channels is None else [channels])]
+
+
+def _boxes(results: ResultReading) -> Beside:
+    """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
+    balls = [one for one in results.study.structure.impactors if one.material] if results.study else []
+    impacts = results.table(FILES["impacts"].name) if balls else None
+    rows = []
+    for ball in balls:
+        speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
+        speed = float(np.max(speeds, initial=0.0)) or math.nan
+        force, pressure = (math.nan, math.nan) if math.isnan(speed) else ball.wall_pressure(speed)
+        sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(THIN)
+        rows.append((ball.name, ball.material, ball.wall, *sizes, speed, force, 1e-6 * pressure))
+    names = "diameter (mm)", "box inside (mm)", f"box of {1e3 * THIN:g} mm walls (g)"
+    of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
+    header = ("ball", "material", "wall", *names, *of_impact)
+    return [Table("Balls and their boxes, by the gaps of the study file", header, tuple(rows))] if rows else []
 
 
 def _player(results: ResultReading) -> Beside:
