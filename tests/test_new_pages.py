@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from builders import read_study, same_study, study_text
 from command import femimpact
 from test_readme import PICTURES, ROOT
-from test_study_forces import HEAD, SINE
+from test_study_forces import HEAD, REST, SINE, read
 
 import femimpact as fi
+from femimpact.app.parametric.paths import paths_of_study, study_with
 
 pytestmark = pytest.mark.impacts
 
@@ -93,3 +97,90 @@ def test_a_bare_ball_meets_a_bare_wall_as_in_a_run_of_hertz():
     assert run.impacts.peak_force[0] == pytest.approx(force, rel=1e-3)
     walls = fi.contact.STEEL, fi.contact.Material(60e9, 0.23)
     assert pressure == fi.contact.hertz_pressure(force, ball.diameter / 2, *walls)
+
+
+MAST = fi.Structure(
+    fi.Beam.tube(length=6.0, diameter=0.1143, wall=3.6e-3, young_modulus=210e9, density=7850.0),
+    [fi.PointMass("box", at="tip", mass=3.0)],
+    [fi.Impactor("ball", at="tip", mass=2.0, gap=0.05, contact=fi.Rigid(0.5))],
+    damping=fi.Rayleigh(ratio=0.002, modes=(1, 2)),
+)
+
+
+def test_a_uniform_line_force_bends_a_cantilever_as_the_closed_form():
+    full, line = fi.assemble(MAST, elements=3), fi.excitation.LineLoad(4.0)
+    deflection = np.linalg.solve(full.K.toarray(), full.point_row(line))
+    stiffness = full.section_at("root").bending_stiffness
+    assert full.point_row("tip") @ deflection == pytest.approx(4.0 * 6.0**4 / (8 * stiffness), rel=1e-10)
+    assert full.resultant(line) == pytest.approx(24.0, rel=1e-12)
+    # of q = x^2 the integral is L^3/3, and that of q w for a rigid motion w = 1 as well
+    assert full.resultant(fi.excitation.LineLoad(lambda x: x * x)) == pytest.approx(72.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("density", [3.0, lambda x: 0.1 * x**2], ids=["uniform", "growing"])
+def test_a_line_force_is_a_force_at_the_tip_of_equal_work_near_mode_1(density):
+    system = fi.reduce(fi.assemble(fi.structure.glue_impactors(MAST), elements=10), 3)
+    modes = fi.solve_modes(system, 1)
+    line = fi.LineForce(density, fi.Sine(1.0, modes.natural_frequency[0]))
+    phi = modes.vectors[:, 0]
+    tip = (system.point_row(line.at) @ phi) / (system.point_row("tip") @ phi)
+    record = fi.Recorder(channels=("tip", "shaker_force", "root.reaction_force", "root.reaction_moment"))
+    runs = [
+        fi.integrate(system, drive, fi.EventDriven(), 60.0, record)
+        for drive in (line, fi.PointForce("tip", fi.Sine(tip, modes.natural_frequency[0])))
+    ]
+    for run in runs:
+        assert run.energy.residual < 1e-10
+    for name, bound in (("tip", 1e-3), ("shaker_force", 0.01), ("root.reaction_force", 0.01)):
+        largest = [np.abs(run[name]).max() for run in runs]
+        assert largest[0] == pytest.approx(largest[1], rel=bound)
+    # the other modes feel the difference
+    assert not np.allclose(runs[0]["root.reaction_moment"], runs[1]["root.reaction_moment"], rtol=1e-9, atol=0.0)
+
+
+def test_reactions_are_less_by_what_of_a_line_force_acts_on_them():
+    # at rest under a constant force a support carries all of it, also that on its own held dof; without damping in
+    # proportion to the mass nothing else acts between structure and base
+    full = fi.assemble(replace(MAST, impactors=(), damping=None), elements=5)
+    slow = fi.LineForce(2.0, fi.Sine(1.0, 1e-4))
+    record = fi.Recorder(channels=("shaker_force", "root.reaction_force", "root.reaction_moment"))
+    run = fi.integrate(full, slow, fi.Newmark(1e-2), 1.0, record)
+    np.testing.assert_allclose(run["shaker_force"], run["root.reaction_force"], atol=1e-9 * 12.0)
+    total = slow.force(run.time) * 12.0
+    np.testing.assert_allclose(run["root.reaction_force"][-1], -total[-1], rtol=0.05)
+    np.testing.assert_allclose(run["root.reaction_moment"][-1], -3.0 * total[-1], rtol=0.05)
+
+
+def test_a_study_file_has_a_force_along_the_beam():
+    wind = '[[force]]\nname = "wind"\ndensity = "3.0 N/m"\nkind = "sine"\nfrequency = 5.0\n'
+    study = read(REST, wind)
+    assert study.excitation == fi.LineForce(3.0, fi.Sine(1.0, 5.0), "wind")
+    assert same_study(read_study(study_text(study), Path("study.toml")), study)
+    varied = study_with(study, {paths_of_study(study)["force.wind.density"]: 6.0})
+    assert varied.excitation.at == fi.excitation.LineLoad(6.0)
+    assert paths_of_study(study)["force.wind.density"].unit == "N/m"
+    for text, words in (
+        (wind + "at = 0.1\n", r"force.wind.at = 0.1: must be one of both"),
+        (wind.replace('density = "3.0 N/m"\n', ""), r"force.wind.at: is missing: .* or density \(N/m\)"),
+        (wind.replace("3.0 N/m", "3.0 N"), r"force.wind.density"),
+        (wind.replace("sine", "hammer").replace("frequency = 5.0", "impulse = 1.0\nduration = 0.1"), "density"),
+    ):
+        with pytest.raises(fi.InputError, match=words):
+            read_study(HEAD + REST + text, Path("study.toml"))
+
+
+def test_the_first_gap_under_a_force_is_that_under_a_base_of_the_same_modal_force():
+    system = fi.reduce(fi.assemble(MAST, elements=10), 3)
+    modes = fi.solve_modes(fi.without_impactors(system), 1)
+    frequency, phi = modes.natural_frequency[0], modes.vectors[:, 0]
+    line = fi.excitation.LineLoad(3.0)
+    # ub omega^2 Gamma is the modal force of a base, integral q phi dx that of a line
+    amplitude = abs(system.point_row(line) @ phi / modes.participation_factor[0]) / (2 * np.pi * frequency) ** 2
+    drives = (
+        fi.Sine(amplitude, frequency),
+        fi.LineForce(3.0, fi.Sine(1.0, frequency)),
+        fi.PointForce("tip", fi.Sine(abs(system.point_row(line) @ phi / (system.point_row("tip") @ phi)), frequency)),
+    )
+    gaps = [row.value for drive in drives for row in fi.preflight(system, drive).rows if "first gap" in row.what]
+    assert len(gaps) == 3
+    np.testing.assert_allclose(gaps, gaps[0], rtol=1e-9)
