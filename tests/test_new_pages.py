@@ -101,6 +101,19 @@ def test_a_bare_ball_meets_a_bare_wall_as_in_a_run_of_hertz():
     assert pressure == fi.contact.hertz_pressure(force, ball.diameter / 2, *walls)
 
 
+def test_the_page_on_where_a_damper_works(ran):
+    names, printed, said = ran("where_it_works")
+    # orbits are the same on every processor; motions that do not repeat are not
+    assert printed[6:23] == said[6:23]
+    assert printed[26:] == said[26:]
+    assert [row[:12] for row in printed[:6]] == [row[:12] for row in said[:6]]
+    np.testing.assert_allclose([numbers(row)[1] for row in printed[23:26]], [0.48, 0.61, 2.2], rtol=0.5)
+    # where an orbit is stable, runs find a periodic motion at 2 mm
+    orbits, runs = (rows[2].split()[-1] for rows in (printed[6:12], printed[:6]))
+    assert all(run == "p" for run, orbit in zip(runs, orbits, strict=True) if orbit == "S")
+    assert names["over_frequency"].is_stable.any()
+
+
 def test_the_page_on_a_mast_in_the_wind(ran):
     names, printed, said = ran("mast_in_the_wind")
     assert printed[:5] == said[:5]
