@@ -101,6 +101,27 @@ def test_a_bare_ball_meets_a_bare_wall_as_in_a_run_of_hertz():
     assert pressure == fi.contact.hertz_pressure(force, ball.diameter / 2, *walls)
 
 
+def test_the_page_on_sections(ran):
+    _, printed, said = ran("sections")
+    assert len(printed) == len(said) == 5
+    for ours, theirs in zip(printed, said, strict=True):
+        assert ours.split() == theirs.split()
+        # moment over section modulus is the stress
+        assert re.search(r"M/W ([\d.]+)", ours)[1] == re.search(r"stress ([\d.]+)", ours)[1]
+
+
+def test_the_page_on_notebooks(ran):
+    names, printed, said = ran("notebooks")
+    kept = [[line for line in lines if "energy residual" not in line] for lines in (printed, said)]
+    assert kept[0] == kept[1]
+    run = names["run"]
+    for record in (names["structure"], names["system"], run, run.impacts, fi.solve_modes(names["system"], 2)):
+        assert record._repr_html_().startswith("<table>")
+    assert "fi.figures.channels(response)" in run._repr_html_()
+    assert Path("portrait.png").stat().st_size > 10_000
+    assert Path("run.gif").read_bytes()[:3] == b"GIF"
+
+
 def test_the_page_on_where_a_damper_works(ran):
     names, printed, said = ran("where_it_works")
     # orbits are the same on every processor; motions that do not repeat are not
