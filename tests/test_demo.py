@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import read_csv
+from builders import done, read_csv
 
 import femimpact as fi
 from femimpact.app import demo
+from femimpact.app.report.pictures import draw_again
+from femimpact.app.results.picture_data import RANGES, read_results
 from femimpact.app.results.result_directory import result_files
-from femimpact.app.study.findings import read_findings
 from femimpact.app.study.summary import spread_of
 
 pytestmark = pytest.mark.impacts
@@ -39,7 +41,7 @@ def results(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demo, "paper_study", lambda: short)
         plan = demo.ScanPlan((0.6, 0.78), points=21, cycles=120, starts=2)
-        return demo.run_demo(tmp_path_factory.mktemp("demo") / "out", scan=plan)
+        return done(demo.task_of_demo(plan), tmp_path_factory.mktemp("demo") / "out")
 
 
 @pytest.fixture(scope="module")
@@ -81,11 +83,12 @@ def test_what_is_chaotic_is_a_median_within_its_range(results, comparison):
     chaotic = [row[4:6] for row in comparison if row[0] not in EXACT]
     assert len(chaotic) == 6
     assert all(re.fullmatch(r"[\d.]+ \([\d.]+ to [\d.]+\)", cell) for pair in chaotic for cell in pair)
-    scan = read_findings(results.summary).scan_of_restitution
-    assert list(scan) == ["0.60", "0.78"]
-    for start in (start for starts in scan.values() for start in starts.values()):
-        for spread in start.values():
-            assert spread.lowest <= spread.median <= spread.highest
+    scan, starts = read_csv(results.directory / "restitution.csv"), ("base", "space")
+    np.testing.assert_array_equal(scan["restitution"], [0.6, 0.78])
+    for name in (f"{start}_{name}" for start in starts for name in ("peak_frequency", "amplitude_ratio")):
+        assert np.all(scan[f"{name}_low"] <= scan[name]), name
+        assert np.all(scan[name] <= scan[f"{name}_high"]), name
+    assert {scan[f"{start}_starts"][i] for start in starts for i in (0, 1)} == {2}
 
 
 def test_the_restitution_is_the_studys_and_its_neighbours_are_named(results):
@@ -134,10 +137,40 @@ def test_both_starts_are_in_the_tables(results):
     folder = results.directory
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
     assert {"comparison.csv", "restitution.csv", "sweep.csv"} <= names
-    assert {"figures/restitution.png", "figures/response.png"} <= names
+    assert {"figures/restitution.png", "figures/curves_of_starts.png"} <= names
     # all of them are known as results: --force replaces them
     assert set(result_files(folder)) == {name for name in names if (folder / name).is_file()}
-    assert "ball_from_rest_in_space" in results.summary
+
+
+def test_figures_are_drawn_again_from_the_tables_of_the_demo(results, tmp_path):
+    folder = Path(shutil.copytree(results.directory, tmp_path / "out"))
+    names = {f"figures/{stem}.png": (folder / f"figures/{stem}.png").read_bytes() for stem in RANGES}
+    for name in names:
+        (folder / name).unlink()
+    drawn = draw_again(folder, "figures", lambda _what, _share: None)
+    assert names.keys() <= set(drawn)
+    assert all((folder / name).read_bytes() == picture for name, picture in names.items())
+    # of the table with other numbers there is another picture
+    table = folder / "restitution.csv"
+    table.write_text(table.read_text().replace("\n0.6,", "\n0.5,"))
+    draw_again(folder, "figures", lambda _what, _share: None)
+    assert (folder / "figures/restitution.png").read_bytes() != names["figures/restitution.png"]
+
+
+def test_ranges_over_starts_are_read_by_frame(results):
+    reading = read_results(results.directory)
+    curves, scan = reading.ranges
+    for ranges, name in ((curves, "curves_of_starts.csv"), (scan, "restitution.csv")):
+        table = read_csv(results.directory / name)
+        assert list(ranges.frames) == ["base", "space"]
+        for start, data in ranges.frames.items():
+            for measure in list(RANGES[ranges.key])[1:]:
+                np.testing.assert_array_equal(data[measure], table[f"{start}_{measure}"])
+    assert scan.frames["base"]["peak_frequency"].attrs["units"] == "Hz"
+    # the picture of the response has the range of the frame in which its curve starts
+    ((words, _, _, high),) = reading.curves.bands
+    assert words.endswith("at rest relative to the base")
+    np.testing.assert_array_equal(high, curves.frames["base"]["peak_high"])
 
 
 def test_a_free_directory_is_chosen_when_the_usual_one_is_taken(tmp_path, monkeypatch):

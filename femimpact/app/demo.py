@@ -15,32 +15,31 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from femimpact import figures
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.results import StudyResults
-from femimpact.app.study.findings import START_WORDS, Findings, Spread, joined
+from femimpact.app.study.findings import Findings, Spread, joined
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.app.study.study import Study, sine_of
+from femimpact.app.study.study import Study, SweepPlan, sine_of
 from femimpact.app.study.study_file import load_study
 from femimpact.app.study.summary import SweepPair, findings_of, findings_of_modes
 from femimpact.app.tasks.run import (
     history_part,
     last_cycles_part,
     modes_part,
+    plan_of_run,
     run_modes,
     run_simulation,
     run_sweep,
     sweep_part,
 )
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, columns_of_starts, spreads_of
-from femimpact.app.tasks.task import Finished, Task, run_task, study_files
+from femimpact.app.tasks.task import Finished, Plan, Task, study_files
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.harmonic import Sine
-from femimpact.figures.drawing import panels
 from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.sweep.sweep import frequency_sweep
-from femimpact.system.state import State
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -100,54 +99,56 @@ def free_directory(name: str) -> Path:
     return path
 
 
-def run_demo(
-    directory: str | Path, *, force: bool = False, report: Report | None = None, scan: ScanPlan | None = None
-) -> StudyResults:
-    """Run the paper's case and write its results."""
+def task_of_demo(scan: ScanPlan = ScanPlan()) -> Task:
+    """The paper's case."""
     prepared = prepare(paper_study())
-    work = partial(_parts_of_demo, prepared, scan or ScanPlan())
-    task = Task(prepared.study, findings_of(prepared), ("modes", "sweep", "history"), work)
-    return run_task(task, directory, force, report or (lambda _what, _share: None))
+    work, plan = partial(_parts_of_demo, prepared, scan), partial(plan_of_demo, prepared, scan)
+    return Task(prepared.study, findings_of(prepared), ("modes", "sweep", "history"), work, plan)
+
+
+def plan_of_demo(prepared: PreparedStudy, scan: ScanPlan) -> Plan:
+    """The plan of the run from one start, and what the scan and the starts in each frame take."""
+    study, grid = prepared.study, cast(SweepPlan, prepared.study.sweep)
+    one = replace(study, sweep=replace(grid, starts=1), output=replace(study.output, starts=1))
+    plan = plan_of_run(replace(prepared, study=one), ("modes", "sweep", "history"))
+    scanned = len(scan.restitutions) * len(STARTS) * scan.starts * scan.points
+    swept = len(STARTS) * SAMPLES * (2 * grid.points - 1)
+    cycles = scanned * scan.cycles + swept * grid.cycles
+    seconds = cycles * seconds_of_cycle(EventDriven(), prepared.small, study.shown_frequency, sweep=True)
+    words = (
+        f"demo: {scanned} runs of {scan.cycles} cycles over {len(scan.restitutions)} restitutions and {swept} of "
+        f"{grid.cycles} cycles over {SAMPLES} starts in each of {len(STARTS)} frames, event-driven, take about "
+        f"{number_text(seconds, 2)} s on one core"
+    )
+    return replace(plan, costs=(*plan.costs, words))
 
 
 def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> Iterator[Finished]:
     modes = run_modes(prepared)
     yield modes_part(prepared, modes)
     scan = scan_restitution(prepared, plan, report)
-    # the files of a sweep are of the first start, with its energy ledger
-    sweeps = {start: _sweep_from(prepared, start, start == "base", report) for start in STARTS}
-    swept = sweep_part(prepared, sweeps["base"])
+    sweeps = run_sweep(prepared, report)
+    swept = sweep_part(prepared, sweeps)
     yield swept
     curves = curves_of_starts(prepared, report)
-    spreads = {start: spreads_of(curves[start], sweeps["base"].empty, _step(curves[start])) for start in STARTS}
+    spreads = {start: spreads_of(curves[start], sweeps.empty, _step(curves[start])) for start in STARTS}
     known = joined(joined(findings_of(prepared), findings_of_modes(modes)), swept.findings)
     left = {
         "restitution": _scan_columns(scan),
-        "figures/restitution.png": partial(_draw_scan, scan),
-        "figures/response_of_starts.png": partial(_draw_curves, sweeps),
         "curves_of_starts": columns_of_starts(curves),
         "comparison": compare(known, spreads),
     }
     said = Findings(
         starts=spreads,
         remarks=remark(cast(float, known.restitution), scan, spreads),
-        scan_of_restitution=_ranges_of(scan),
-        ball_from_rest_in_space=_sweep_row(sweeps["space"]),
     )
     yield Finished("sweep", left, said)
-    prepared = _at_resonance(prepared, sweeps["base"])
+    prepared = _at_resonance(prepared, sweeps)
     response = run_simulation(prepared, report)
     finished = history_part(prepared, response)
     # the study of the results is that of the history
     yield replace(finished, files={**study_files(prepared.study), **finished.files})
     yield last_cycles_part(prepared, response, report)
-
-
-def _sweep_from(prepared: PreparedStudy, start: str, ledger: bool, report: Report) -> SweepPair:
-    def progress(what: str, share: float) -> None:
-        report(f"{what}, {START_WORDS[start]}", share)
-
-    return run_sweep(prepared, progress, State.at_rest(start), ledger)
 
 
 def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:
@@ -199,7 +200,7 @@ def scan_restitution(prepared: PreparedStudy, plan: ScanPlan, report: Report) ->
     for (name, (unit, words)), values in zip(PEAKS.items(), columns, strict=True):
         for end, statistic in (("", values.median), ("_low", values.min), ("_high", values.max)):
             scan[name + end] = statistic("start.ball.position").assign_attrs(units=unit, long_name=words)
-    return scan.assign_attrs(starts=plan.starts, step=float(np.diff(frequencies).min()))
+    return scan.assign_attrs(starts=plan.starts)
 
 
 PEAKS = {
@@ -219,19 +220,6 @@ def misfit(peak_frequency: Any, amplitude_ratio: Any) -> Any:
     by_frequency = (peak_frequency - PUBLISHED["frequency_ball_experiment"]) / 0.1
     by_ratio = np.log(amplitude_ratio / PUBLISHED["amplitude_ratio"]) / np.log(1.25)
     return np.hypot(by_frequency, by_ratio)
-
-
-def _ranges_of(scan: xarray.Dataset) -> dict[str, dict[str, dict[str, Spread]]]:
-    """Medians and ranges of peak and ratio, by the restitution and the start."""
-    ranges: dict[str, dict[str, dict[str, Spread]]] = {}
-    for restitution in scan[RESTITUTION].values:
-        for start in STARTS:
-            one = scan.sel({RESTITUTION: restitution, "base.start": start})
-            ranges.setdefault(f"{restitution:.2f}", {})[start] = {
-                name: Spread(float(one[name]), float(one[f"{name}_low"]), float(one[f"{name}_high"]), resolution)
-                for name, resolution in (("peak_frequency", scan.attrs["step"]), ("amplitude_ratio", 0.0))
-            }
-    return ranges
 
 
 def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, StartCurves]:
@@ -255,17 +243,6 @@ def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, Start
 def _step(curves: StartCurves) -> float:
     """Step (Hz) between the frequencies of curves on an even grid."""
     return float(curves.frequency[1] - curves.frequency[0])
-
-
-def _sweep_row(sweeps: SweepPair) -> dict[str, Any]:
-    if sweeps.ball is None:
-        return {}
-    return {
-        "peak_frequency": sweeps.ball.peak_frequency,
-        "peak_amplitude": sweeps.ball.peak_amplitude,
-        "peak_is_one_start": sweeps.ball.peak_is_sample,
-        "amplitude_ratio": sweeps.empty.peak_amplitude / sweeps.ball.peak_amplitude,
-    }
 
 
 COMPARED = (
@@ -339,23 +316,12 @@ def remark(restitution: float, scan: xarray.Dataset, spreads: Mapping[str, Mappi
 
 
 def _scan_columns(scan: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
+    """Medians and ranges of the starts in each frame over the restitution, and their units."""
     columns: dict[str, Any] = {"restitution": scan[RESTITUTION].values}
-    units = {"restitution": "1"}
+    units = dict[str, str]()
     for start in STARTS:
-        one = scan.sel({"base.start": start})
-        columns |= {f"{start}_{name}": one[name].values for name in (*PEAKS, "periodic_starts")}
-        units |= {f"{start}_{name}": PEAKS.get(name, ("1",))[0] for name in (*PEAKS, "periodic_starts")}
+        one = scan.sel({"base.start": start}, drop=True).assign(starts=scan.attrs["starts"])
+        for name in one.data_vars:
+            columns[f"{start}_{name}"] = one[name].broadcast_like(scan[RESTITUTION]).values
+            units[f"{start}_{name}"] = one[name].attrs.get("units", "")
     return columns, units
-
-
-def _draw_scan(scan: xarray.Dataset, path: Path) -> None:
-    drawn: Any = panels(figures.OffScreen(), 8.0, 7.4, 2, 1, sharex=True)[:, 0]
-    for axis, start in zip(drawn, STARTS, strict=True):
-        figures.study_lines(scan.sel({"base.start": start}), "amplitude_ratio", title=START_WORDS[start], ax=axis)
-    figures.save_figure(drawn, path)
-
-
-def _draw_curves(sweeps: Mapping[str, SweepPair], path: Path) -> None:
-    curves = {f"with ball, {START_WORDS[start]}": pair.ball for start, pair in sweeps.items() if pair.ball is not None}
-    named = {"without ball": sweeps["base"].empty, **curves}
-    figures.save_figure(figures.response_curve(named, coarse=sweeps["base"].coarse, ax=figures.OffScreen()), path)

@@ -14,8 +14,9 @@ from femimpact import figures
 from femimpact.app.report.markup import Element, element, picture_element
 from femimpact.app.report.page import Section
 from femimpact.app.results.branch_file import FollowedBranches
-from femimpact.app.results.picture_data import Run, StructureModes, SweptCurves
+from femimpact.app.results.picture_data import RANGES, Run, StartRanges, StructureModes, SweptCurves
 from femimpact.app.results.result_directory import FIGURES, FILES, new_file
+from femimpact.app.study.findings import START_WORDS
 from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import InputError
@@ -24,7 +25,7 @@ from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
-from femimpact.figures.drawing import figure_of
+from femimpact.figures.drawing import figure_of, panels
 from femimpact.figures.histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
@@ -153,7 +154,21 @@ def _of_measure(one: Measure) -> Any:
     return figures.study_maps(data, one.name, figure=OFF_SCREEN)
 
 
+def _of_ranges(ranges: StartRanges) -> Any:
+    """A row for each measure, and a column for each frame."""
+    _, *measures = RANGES[ranges.key]
+    size = (5.5 * len(ranges.frames), 4.2 * len(measures), len(measures), len(ranges.frames))
+    axes = panels(OFF_SCREEN, *size, sharex=True, sharey="row")
+    for row, measure in zip(axes, measures, strict=True):
+        for axis, (start, data) in zip(row, ranges.frames.items(), strict=True):
+            figures.study_lines(data, measure, title=START_WORDS[start], ax=axis)
+    return axes
+
+
 VIEWS = (
+    View(
+        "comparison", StartRanges, "{0.key}", _of_ranges, when=lambda ranges: len(ranges.frames) > 1, file="{0.key}",
+    ),
     View(
         "response", SweptCurves, "response", file="sweep",
         figure=lambda swept: figures.response_curve(

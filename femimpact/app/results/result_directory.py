@@ -44,7 +44,7 @@ CONVERGENCE: Mapping[str, str] = {
 FIGURES: Mapping[str, str] = {
     "response": "Response over frequency",
     "response_columns": "Phase, impacts and forces over frequency",
-    "response_of_starts": "Response curves of both starts",
+    "curves_of_starts": "Response curves of both starts",
     "restitution": "Scan of the restitution",
     "branches": "Largest displacement of the periodic orbits",
     "drive": "The drive",

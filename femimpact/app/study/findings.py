@@ -239,15 +239,14 @@ class Findings:
     starts_of_sweep: int | None = None
     history_starts: HistoryStarts | None = None
     failed_starts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # why, by part and start
-    # of the demo: peak and ratio by the restitution and the start, and the curve from the other start
-    scan_of_restitution: Mapping[str, Mapping[str, Mapping[str, Spread]]] = field(default_factory=dict)
-    ball_from_rest_in_space: Mapping[str, Any] = field(default_factory=dict)
     orbits: OrbitsSummary | None = None
     problems: tuple[str, ...] = ()  # that tables of convergence are of, in words
     accuracy: float | None = None  # relative error that their recommended numbers are for
     points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
     seeds: tuple[str, ...] = ()  # of random numbers, each with what was drawn
     unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
+    pictures: Mapping[str, str] = field(default_factory=dict)  # what became of each kind of them
+    checksums: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of every file; none where they are not known
 
     @property
     def contacts(self) -> dict[str, ContactSummary]:

@@ -156,7 +156,10 @@ def spreads_of(
 def columns_of_starts(curves: Mapping[str, StartCurves]) -> tuple[dict[str, Any], dict[str, str]]:
     """Median, smallest and largest peak of the starts in each frame, over the frequency, and their units."""
     columns: dict[str, Any] = {"frequency": next(iter(curves.values())).frequency}
+    units = {"frequency": "Hz"}
     for start, several in curves.items():
-        for name, statistic in (("median", np.median), ("low", np.min), ("high", np.max)):
-            columns[f"{start}_{name}"] = statistic(several.measures["peak"], axis=0)
-    return columns, {name: "Hz" if name == "frequency" else "m" for name in columns}
+        columns[f"{start}_starts"] = np.full(several.frequency.size, several.starts)
+        for end, statistic in (("", np.median), ("_low", np.min), ("_high", np.max)):
+            columns[f"{start}_peak{end}"] = statistic(several.measures["peak"], axis=0)
+            units[f"{start}_peak{end}"] = "m"
+    return columns, units

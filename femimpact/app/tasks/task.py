@@ -13,7 +13,7 @@ from femimpact.app.report.pictures import Report, draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load, write_summary
-from femimpact.app.study.findings import Findings, joined, summary_of
+from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.files import atomic_write, write_csv, write_netcdf
@@ -35,6 +35,23 @@ class Finished:
     findings: Findings = field(default_factory=Findings)
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a task would do, in lines."""
+
+    costs: tuple[str, ...]  # what is computed, and the memory and time that it takes
+    numbers: tuple[str, ...] = ()  # that follow from the study
+    inputs: tuple[str, ...] = ()  # that the study gives
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """All lines, in the order in which they are printed."""
+        said = [f"{kind}: {text}" for kind in ("note", "warning") for text in getattr(self, f"{kind}s")]
+        return [*self.numbers, *self.inputs, *self.costs, *said]
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """What is computed of a study."""
@@ -43,6 +60,7 @@ class Task:
     findings: Findings  # what is known before the work
     parts: tuple[str, ...]  # names, in their order
     work: Callable[[Report], Iterator[Finished]]  # each part is on disk before the next one begins
+    plan: Callable[[], Plan]
 
 
 def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> StudyResults:
@@ -58,17 +76,17 @@ def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> 
             findings = joined(joined(findings, finished.findings), Findings(warnings=tuple(texts)))
             written |= set(finished.files)
             left = tuple(part for part in left if part != finished.part)
-            write_summary(folder, summary_of(_without(findings, left)))
-        summary, drawn = summary_of(findings), dict[str, Element]()
+            write_summary(folder, _without(findings, left))
+        drawn = dict[str, Element]()
         figured, filmed = output.figures and bool(DRAWN & written), output.movie and "snapshots" in written
         kinds = [kind for kind, asked in (("figures", figured), ("movie", filmed)) if asked]
         if kinds:
             ended = dict.fromkeys(kinds, "the run was ended before")
             # what they are drawn from stays with the results, should the run end now
-            write_summary(folder, with_pictures(summary, ended, directory))
+            write_summary(folder, with_pictures(findings, ended, directory))
             failures, drawn = draw_kinds(folder, kinds, report, task.study)
-            summary = with_pictures(summary, failures, directory)
-        write_summary(folder, summary)
+            findings = with_pictures(findings, failures, directory)
+        write_summary(folder, findings)
     if output.report:
         add_report(directory, report, task.study, drawn)
     return load(directory)
