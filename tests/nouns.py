@@ -246,9 +246,6 @@ VERBS = {
     }),
     "Impactor.box_mass": (lambda **given: STEEL_BALL.box_mass(**given), lambda: {"thickness": 1e-3}),
     "Impactor.wall_pressure": (lambda **given: STEEL_BALL.wall_pressure(**given), lambda: {"approach_speed": 0.2}),
-    "hertz_pressure": (fi.contact.hertz_pressure, lambda: {
-        "force": 10.0, "radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM
-    }),
     "hertz_stiffness": (fi.contact.hertz_stiffness,
         lambda: {"radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM}),
     "converge_elements": (fi.convergence.converge_elements,

@@ -12,5 +12,4 @@ from femimpact.contact.laws import LankaraniNikravesh as LankaraniNikravesh
 from femimpact.contact.laws import Material as Material
 from femimpact.contact.laws import PowerLaw as PowerLaw
 from femimpact.contact.laws import SwitchingSpring as SwitchingSpring
-from femimpact.contact.laws import hertz_pressure as hertz_pressure
 from femimpact.contact.laws import hertz_stiffness as hertz_stiffness

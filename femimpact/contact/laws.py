@@ -21,18 +21,7 @@ from femimpact.contact.collision import (
     restitution_of_damping_ratio,
     restitution_of_loss_factor,
 )
-from femimpact.errors import (
-    Fault,
-    InputError,
-    check_fields,
-    checked,
-    choice,
-    in_range,
-    optional,
-    quantity,
-    require,
-    require_type,
-)
+from femimpact.errors import Fault, InputError, check_fields, checked, choice, in_range, quantity, require, require_type
 
 KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID = KINDS = range(5)
 """Kinds of laws, numbered as in femimpact/core/contact/formulas.hpp."""
@@ -480,27 +469,25 @@ LAWS: Mapping[str, tuple[Any, Mapping[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Material:
-    """Elastic constants of a body in contact, and its density.
+    """Elastic constants of a body in contact.
 
     Parameters
     ----------
     young_modulus : float, Pa
     poisson_ratio : float, 1
-    density : float, kg/m^3, optional
     """
 
     young_modulus: float = field(metadata=quantity("Pa", above=0.0))
     poisson_ratio: float = field(metadata=quantity("1", above=-1.0, at_most=0.5))
-    density: float | None = field(default=None, metadata=optional(quantity("kg/m^3", above=0.0)))
 
     def __post_init__(self) -> None:
         check_fields(self)
 
 
-STEEL = Material(210e9, 0.30, 7850.0)
-ALUMINIUM = Material(70e9, 0.33, 2700.0)
-MATERIALS: Mapping[str, Material] = {"steel": STEEL, "aluminium": ALUMINIUM, "glass": Material(60e9, 0.23, 2500.0)}
-"""Materials of balls and walls by their names in study files."""
+STEEL = Material(210e9, 0.30)
+ALUMINIUM = Material(70e9, 0.33)
+MATERIALS = {"steel": (STEEL, 7850.0), "aluminium": (ALUMINIUM, 2700.0), "glass": (Material(60e9, 0.23), 2500.0)}
+"""Materials of balls and walls by their names in study files, each with its density (kg/m^3)."""
 
 
 def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
@@ -520,23 +507,3 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
         require_type(body, Material, key)
     compliance = sum((1.0 - body.poisson_ratio**2) / body.young_modulus for body in (ball, wall))
     return 4.0 / 3.0 / compliance * math.sqrt(size)
-
-
-def hertz_pressure(force: float, radius: float, ball: Material, wall: Material) -> float:
-    """Largest pressure (Pa) of a sphere that a force presses on a flat wall: p0 = (6 F E*^2/(pi^3 R^2))^(1/3).
-
-    Parameters
-    ----------
-    force : float, N
-    radius : float, m
-        Of the ball.
-
-    Notes
-    -----
-    Hertz (1882); Johnson, Contact Mechanics (1985), equation 4.24. A wall begins to yield below its surface where p0 is
-    1.6 times its yield stress (section 6.1 there).
-    """
-    pressed = checked("force", force, quantity("N", at_least=0.0))
-    size = float(checked("radius", radius, quantity("m", above=0.0)))
-    modulus = 0.75 * hertz_stiffness(size, ball, wall) / math.sqrt(size)
-    return float((6.0 * pressed * modulus**2 / (math.pi**3 * size**2)) ** (1.0 / 3.0))

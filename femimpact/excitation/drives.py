@@ -166,13 +166,6 @@ def LineForce(density: Any, history: Any, name: str | None = None) -> PointForce
     -------
     PointForce
         With a `LineLoad` as its place.
-
-    Examples
-    --------
-    >>> import femimpact as fi
-    >>> wind = fi.LineForce(lambda x: 0.2 * x, fi.Sine(amplitude=1.0, frequency=5.0))
-    >>> fi.integrate(system, wind, fi.EventDriven(), duration=1.0).channels["tip"].size > 0
-    True
     """
     return PointForce(LineLoad(density), history, name)
 

@@ -193,14 +193,7 @@ class LineLoad:
         return np.broadcast_to(real_array("density", values, "N/m", allowed), x.shape)
 
     def __str__(self) -> str:
-        return "along the beam" if callable(self.density) else f"along the beam, {self.density:g} N/m"
-
-
-def place_words(place: Any) -> str:
-    """Where a force acts: "at tip", "at 0.1 m", "along the beam, 12 N/m"."""
-    if isinstance(place, LineLoad):
-        return str(place)
-    return f"at {place if isinstance(place, str) else f'{place:g} m'}"
+        return "the whole beam" if callable(self.density) else f"the whole beam, {self.density:g} N/m"
 
 
 def words_of(excitation: Any) -> str:
@@ -208,7 +201,7 @@ def words_of(excitation: Any) -> str:
     if holds_drives(excitation):
         return ", ".join(map(words_of, excitation.drives))
     place = getattr(excitation, "at", None)
-    driven = "base" if place is None else f"force {place_words(place)}"
+    driven = "base" if place is None else f"force at {f'{place:g} m' if isinstance(place, (int, float)) else place}"
     if has_cycle(excitation) and math.isfinite(excitation.phase):
         return f"{driven}{' at' if place is None else ','} {excitation.frequency:.4g} Hz"
     history = getattr(excitation, "history", excitation)

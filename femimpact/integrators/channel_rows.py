@@ -14,15 +14,7 @@ from numpy.typing import ArrayLike
 from femimpact.arrays import Array, own
 from femimpact.errors import real_array, require
 from femimpact.excitation.drives import CONSTANT_FORCES, Drives
-from femimpact.excitation.excitation import (
-    AT_SAMPLE,
-    BrokenLine,
-    Excitation,
-    Harmonic,
-    LineLoad,
-    place_words,
-    require_excitation,
-)
+from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, LineLoad, require_excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.sums import one_sine
 from femimpact.response.channels import Channel, QuantityAt, Reading, is_of_contact, zero_reading
@@ -289,7 +281,7 @@ def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -
         by_drive, moved = abs(driven[0] - driven[1]), load.share > 0.0
         if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
             share = number_text(by_drive / (abs(load.resultant) or 1.0), 3)
-            of_force = f"{share} of the force" + (f" {place_words(load.at)}" if drive.more else "")
+            of_force = f"{share} of the force" + (f" at {load.at}" if drive.more else "")
             parts.append(f"{number_text(by_drive, 3)} kg times the base's acceleration" if moved else of_force)
     at_rest = abs(float(rows[0].constant - rows[1].constant))
     if at_rest > NEGLIGIBLE * abs(float(rows[1].constant)):

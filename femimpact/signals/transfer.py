@@ -25,7 +25,6 @@ from femimpact.errors import (
     require_name,
     takes,
 )
-from femimpact.excitation.excitation import place_words
 from femimpact.integrators.channel_rows import Drive, channel_rows, mode_notes
 from femimpact.response.channels import Channel, channel_key, resolve_channels
 from femimpact.response.response import Recorder
@@ -246,7 +245,7 @@ def checked_frequencies(frequency: ArrayLike) -> Array:
 
 def force_name(at: Position) -> str:
     """The name of a force as an input: "force at tip"."""
-    return f"force {place_words(at)}"
+    return f"force at {f'{at:g} m' if isinstance(at, (int, float)) else at}"
 
 
 def unit_over(unit: str, other: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from femimpact.contact.law import ContactLaw, collide, require_law
-from femimpact.contact.laws import MATERIALS, Hertz, NoWalls, hertz_pressure, hertz_stiffness
+from femimpact.contact.laws import MATERIALS, Hertz, NoWalls, hertz_stiffness
 from femimpact.errors import (
     LARGEST,
     Fault,
@@ -179,8 +179,8 @@ class Impactor:
     @property
     def diameter(self) -> float:
         """Of a full sphere of its mass and its material, m; not a number without a material."""
-        density = MATERIALS[self.material].density if self.material else None
-        return math.nan if density is None else math.cbrt(6.0 * self.mass / (math.pi * density))
+        density = MATERIALS[self.material][1] if self.material else math.nan
+        return math.cbrt(6.0 * self.mass / (math.pi * density))
 
     @property
     def box_length(self) -> float:
@@ -189,21 +189,21 @@ class Impactor:
 
     def box_mass(self, thickness: float) -> float:
         """Mass (kg) of a box with walls of a thickness (m), which holds the ball without clearance across its path."""
-        density = MATERIALS[self.wall].density if self.wall else None
+        density, d = MATERIALS[self.wall][1] if self.wall else math.nan, self.diameter
         t = checked("thickness", thickness, quantity("m", above=0.0))
-        outside = (self.diameter + 2.0 * t) ** 2 * (self.box_length + 2.0 * t)
-        return math.nan if density is None else density * (outside - self.diameter**2 * self.box_length)
+        return density * ((d + 2.0 * t) ** 2 * (self.box_length + 2.0 * t) - d**2 * self.box_length)
 
     def wall_pressure(self, approach_speed: float) -> tuple[float, float]:
-        """Largest force (N) and pressure (Pa) where the bare ball meets its bare wall at a speed (m/s).
+        """Largest force F (N) and pressure (Pa) where the bare ball meets its bare wall, which does not give way.
 
-        Those of an elastic collision with a wall that does not give way; see `femimpact.contact.hertz_pressure`.
+        By Hertz's law 3 F/(2 pi a^2), with a^2 = R p of the penetration p (Johnson, 1985, section 4.2). A wall begins
+        to yield below its surface where this is 1.6 times its yield stress (section 6.1 there).
         """
         if self.material is None or self.wall is None:
             return math.nan, math.nan
-        radius, bodies = 0.5 * self.diameter, (MATERIALS[self.material], MATERIALS[self.wall])
-        force = collide(Hertz(hertz_stiffness(radius, *bodies)), self.mass, approach_speed).peak_force
-        return force, hertz_pressure(force, radius, *bodies)
+        law = Hertz(hertz_stiffness(0.5 * self.diameter, MATERIALS[self.material][0], MATERIALS[self.wall][0]))
+        impact = collide(law, self.mass, approach_speed)
+        return impact.peak_force, 3.0 * impact.peak_force / (math.pi * self.diameter * impact.largest_penetration)
 
 
 @dataclass(frozen=True)

@@ -276,9 +276,6 @@ def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any
 # ---- words and tables beside the pictures ----------------------------------------------------------
 
 
-THIN = 1e-3
-"""Walls (m) of the box whose mass stands beside a ball."""
-
 Beside = list[Element | Table | str]
 """Words, tables, and other elements of a part of a page, in their order."""
 
@@ -343,11 +340,11 @@ def _boxes(results: ResultReading) -> Beside:
     rows = []
     for ball in balls:
         speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
-        speed = float(np.max(speeds, initial=0.0)) or math.nan
-        force, pressure = (math.nan, math.nan) if math.isnan(speed) else ball.wall_pressure(speed)
-        sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(THIN)
-        rows.append((ball.name, ball.material, ball.wall, *sizes, speed, force, 1e-6 * pressure))
-    names = "diameter (mm)", "box inside (mm)", f"box of {1e3 * THIN:g} mm walls (g)"
+        speed = max(speeds, default=math.nan)
+        force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
+        sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
+        rows.append((ball.name, ball.material, ball.wall, *sizes, float(speed), force, 1e-6 * pressure))
+    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
     of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
     header = ("ball", "material", "wall", *names, *of_impact)
     return [Table("Balls and their boxes, by the gaps of the study file", header, tuple(rows))] if rows else []
