@@ -380,7 +380,6 @@ VERBS = {
     "System.shear_rows": (lambda **given: system().shear_rows(**given), lambda: {"positions": [0.1], "side": "left"}),
     "System.section_at": (lambda **given: system().section_at(**given), lambda: {"at": 0.1, "side": "left"}),
     "LineForce": (fi.LineForce, lambda: {"density": 3.0, "history": BASE}),
-    "LineLoad.density_at": (fi.excitation.LineLoad(3.0).density_at, lambda: {"positions": [0.1]}),
     "System.resultant": (lambda line: system().resultant(line), lambda: {"line": fi.excitation.LineLoad(3.0)}),
     "System.held_shares": (lambda at: system().held_shares(at), lambda: {"at": 0.01}),
     "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),

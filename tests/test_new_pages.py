@@ -16,6 +16,7 @@ from test_study_forces import HEAD, REST, SINE, read
 
 import femimpact as fi
 from femimpact.app.parametric.paths import paths_of_study, study_with
+from femimpact.excitation.drives import drive_words
 
 pytestmark = pytest.mark.impacts
 
@@ -230,3 +231,29 @@ def test_the_first_gap_under_a_force_is_that_under_a_base_of_the_same_modal_forc
     gaps = [row.value for drive in drives for row in fi.preflight(system, drive).rows if "first gap" in row.what]
     assert len(gaps) == 3
     np.testing.assert_allclose(gaps, gaps[0], rtol=1e-9)
+
+
+def test_a_density_that_gives_no_number_is_named():
+    system = fi.assemble(MAST, elements=3)
+    for wrong in (lambda x: float("nan"), lambda x: "3 N/m", lambda x: None):
+        with pytest.raises(fi.InputError, match=r"density.*must be a finite number at each place of the beam"):
+            system.point_row(fi.excitation.LineLoad(wrong))
+    with pytest.raises(fi.InputError, match="density = 'strong'"):
+        fi.LineForce("strong", fi.Sine(1.0, 5.0))
+    points = fi.System.from_matrices([[1.0]], [[0.0]], [[1.0]], points={"tip": [1.0]})
+    with pytest.raises(fi.InputError, match="there is no beam"):
+        fi.integrate(points, fi.LineForce(3.0, fi.Sine(1.0, 5.0)), fi.EventDriven(), 1.0)
+
+
+def test_a_line_force_beside_a_base_keeps_its_work_apart_and_words_name_it():
+    system = fi.reduce(fi.assemble(MAST, elements=10), 3)
+    drives = fi.Sine(1e-3, 3.0) + fi.LineForce(3.0, fi.Sine(0.5, 3.0, 0.3), "wind")
+    assert "the whole beam, 3 N/m" in "; ".join(drive_words(drives))
+    record = fi.Recorder(channels=("tip", "root.reaction_force"))
+    run = fi.integrate(system, drives, fi.EventDriven(), 20.0, record)
+    assert run.energy.residual < 1e-9
+    assert set(run.energy.work_of) == {"base", "wind"}
+    # by steps the same motion, before impacts tell them apart
+    stepped = fi.integrate(system, drives, fi.MoreauJean(1e-4), 0.4, record)
+    wanted = np.interp(stepped.time, run.time, run["tip"])
+    np.testing.assert_allclose(stepped["tip"], wanted, atol=0.02 * np.abs(wanted).max())

@@ -185,13 +185,6 @@ class LineLoad:
         if isinstance(self.density, type) or not callable(self.density):
             object.__setattr__(self, "density", checked("density", self.density, quantity("N/m")))
 
-    def density_at(self, positions: Array) -> Array:
-        """Density (N/m) at positions in m, (n,)."""
-        x = np.atleast_1d(real_array("positions", positions, "m", "must be finite numbers"))
-        values = [self.density(float(each)) for each in x] if callable(self.density) else [self.density]
-        allowed = "must be a finite number at each place of the beam"
-        return np.broadcast_to(real_array("density", values, "N/m", allowed), x.shape)
-
     def __str__(self) -> str:
         return "the whole beam" if callable(self.density) else f"the whole beam, {self.density:g} N/m"
 

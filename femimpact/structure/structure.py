@@ -191,7 +191,7 @@ class Impactor:
         """Mass (kg) of a box with walls of a thickness (m), which holds the ball without clearance across its path."""
         density, d = MATERIALS[self.wall][1] if self.wall else math.nan, self.diameter
         t = checked("thickness", thickness, quantity("m", above=0.0))
-        return density * ((d + 2.0 * t) ** 2 * (self.box_length + 2.0 * t) - d**2 * self.box_length)
+        return float(density * ((d + 2.0 * t) ** 2 * (self.box_length + 2.0 * t) - d**2 * self.box_length))
 
     def wall_pressure(self, approach_speed: float) -> tuple[float, float]:
         """Largest force F (N) and pressure (Pa) where the bare ball meets its bare wall, which does not give way.

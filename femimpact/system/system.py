@@ -496,7 +496,9 @@ class System:
         points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         half = 0.5 * np.diff(self.nodes)[:, None]
         x = (self.nodes[:-1, None] + half * (1.0 + points)).ravel()
-        return sparse.csr_array([(half * weights).ravel() * at.density_at(x)]) @ hermite_rows(self.nodes, x)
+        q = [at.density(float(place)) for place in x] if callable(at.density) else at.density
+        density = real_array("density", q, "N/m", "must be a finite number at each place of the beam")
+        return sparse.csr_array([(half * weights).ravel() * density]) @ hermite_rows(self.nodes, x)
 
     def resultant(self, line: LineLoad) -> float:
         """Force (N) of a line load: the integral of its density over the beam."""
