@@ -22,6 +22,7 @@ from femimpact.errors import InputWarning as InputWarning
 from femimpact.errors import ResultWarning as ResultWarning
 from femimpact.excitation.chirp import Chirp as Chirp
 from femimpact.excitation.drives import HammerBlow as HammerBlow
+from femimpact.excitation.drives import LineForce as LineForce
 from femimpact.excitation.drives import PointForce as PointForce
 from femimpact.excitation.harmonic import Sine as Sine
 from femimpact.excitation.harmonic import SteppedSine as SteppedSine

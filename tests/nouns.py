@@ -19,6 +19,7 @@ from femimpact.response.regimes import Regime, RegimeCriteria
 from femimpact.signals.one_pole import one_pole_amplitude
 
 LAW = fi.KelvinVoigt(restitution=0.6, contact_time=5e-3)
+STEEL_BALL = fi.Impactor("ball", "tip", 3e-3, 1e-3, LAW, material="steel", wall="aluminium")
 STRUCTURE = fi.Structure(
     beam=fi.Beam.uniform(length=0.2, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700.0),
     masses=(fi.PointMass("box", "tip", 0.02),),
@@ -170,6 +171,7 @@ NOUNS = {
     **{name: (lambda base=base: base) for name, base in MOTIONS.items()},
     "PeriodicOrbit": orbit,
     "PiecewisePolynomial": lambda: PIECES,
+    "LineLoad": lambda: fi.excitation.LineLoad(3.0),
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.contact.Flores(1e7, 0.7),
@@ -242,6 +244,8 @@ VERBS = {
     "integrated_collision": (fi.contact.integrated_collision, lambda: {
         "force": lambda depth, rate: 1e4 * depth, "effective_mass": 3e-3, "approach_speed": 0.2
     }),
+    "Impactor.box_mass": (lambda **given: STEEL_BALL.box_mass(**given), lambda: {"thickness": 1e-3}),
+    "Impactor.wall_pressure": (lambda **given: STEEL_BALL.wall_pressure(**given), lambda: {"approach_speed": 0.2}),
     "hertz_stiffness": (fi.contact.hertz_stiffness,
         lambda: {"radius": 5e-3, "ball": fi.contact.STEEL, "wall": fi.contact.ALUMINIUM}),
     "converge_elements": (fi.convergence.converge_elements,
@@ -375,6 +379,8 @@ VERBS = {
     }),
     "System.shear_rows": (lambda **given: system().shear_rows(**given), lambda: {"positions": [0.1], "side": "left"}),
     "System.section_at": (lambda **given: system().section_at(**given), lambda: {"at": 0.1, "side": "left"}),
+    "LineForce": (fi.LineForce, lambda: {"density": 3.0, "history": BASE}),
+    "System.resultant": (lambda line: system().resultant(line), lambda: {"line": fi.excitation.LineLoad(3.0)}),
     "System.held_shares": (lambda at: system().held_shares(at), lambda: {"at": 0.01}),
     "System.position_of": (lambda at: system().position_of(at), lambda: {"at": 0.1}),
     "System.point_row": (lambda at: system().point_row(at), lambda: {"at": 0.1}),

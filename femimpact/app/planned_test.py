@@ -37,8 +37,8 @@ from femimpact.errors import (
 )
 from femimpact.errors import checked as checked_value
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import parts_in
-from femimpact.excitation.excitation import Excitation, require_excitation
+from femimpact.excitation.drives import alone, parts_in
+from femimpact.excitation.excitation import Excitation, is_force, require_excitation
 from femimpact.excitation.harmonic import Level, Sine, SteppedSine, level_at, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.remarks import drives_above_modes, frequency_warnings
@@ -293,22 +293,28 @@ def _first_gaps(system: System, excitation: Excitation) -> Iterator[PreflightRow
     """Best gap of a light loss of each free ball between two walls, of the mode nearest to the drive.
 
     Two impacts in a cycle take up all that the base puts into the mode where d = pi^2 Gamma phi ub/(8 m phi^2), with
-    the mass-normalised mode phi at the ball and its participation factor Gamma (derived here).
+    the mass-normalised mode phi at the ball and its participation factor Gamma (derived here). Of a force on the mode,
+    integral q phi dx, this over omega^2 stands in place of Gamma ub.
     """
-    if not isinstance(excitation, Sine) or excitation.amplitude == 0.0:
+    drive = alone(excitation)
+    sine = getattr(drive, "history", drive)
+    if not isinstance(sine, Sine) or sine.amplitude == 0.0:
         return
     modes = solve_modes(without_impactors(system), min(MODES, system.dofs))
     elastic = np.flatnonzero(modes.natural_frequency > 0.0)
     if elastic.size == 0:
         return
-    k = elastic[np.argmin(np.abs(modes.natural_frequency[elastic] - excitation.frequency))]
-    driven = abs(modes.participation_factor[k]) * excitation.amplitude
-    alone = ", alone" if len(system.balls) > 1 else ""
+    k = elastic[np.argmin(np.abs(modes.natural_frequency[elastic] - sine.frequency))]
+    factor = modes.participation_factor[k]
+    if is_force(drive):
+        factor = system.point_row(drive.at) @ modes.vectors[:, k] / (2.0 * math.pi * modes.natural_frequency[k]) ** 2
+    driven = abs(float(factor)) * sine.amplitude
+    by_itself = ", alone" if len(system.balls) > 1 else ""
     for pair in system.balls:
         free = pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0
         phi = abs(float(pair.direction @ modes.vectors[:, k]))
         if free and max(pair.gaps) < math.inf and pair.mass * phi**2 > LEAST_RATIO and driven > 0.0:
-            what = f"first gap to try of {pair.name}{alone}: best gap of a light loss, mode {k + 1} ({FIRST_GAP})"
+            what = f"first gap to try of {pair.name}{by_itself}: best gap of a light loss, mode {k + 1} ({FIRST_GAP})"
             yield row_of(what, math.pi**2 * driven / (8.0 * pair.mass * phi), "m")
 
 

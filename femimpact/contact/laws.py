@@ -486,6 +486,8 @@ class Material:
 
 STEEL = Material(210e9, 0.30)
 ALUMINIUM = Material(70e9, 0.33)
+MATERIALS = {"steel": (STEEL, 7850.0), "aluminium": (ALUMINIUM, 2700.0), "glass": (Material(60e9, 0.23), 2500.0)}
+"""Materials of balls and walls by their names in study files, each with its density (kg/m^3)."""
 
 
 def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
-from femimpact.errors import kind_of, real_array, require
+from femimpact.errors import checked, kind_of, quantity, real_array, require
 
 ROUNDING = 1e-12
 """Share of the largest sample that is rounding beside a straight record."""
@@ -169,12 +169,32 @@ def holds_drives(excitation: object) -> bool:
     return hasattr(excitation, "drives")
 
 
+@dataclass(frozen=True)
+class LineLoad:
+    """Where a force acts that is spread along the beam; see `LineForce`.
+
+    Parameters
+    ----------
+    density : float or function, N/m
+        Along +w, the same everywhere or a function of x (m), from the root.
+    """
+
+    density: Any
+
+    def __post_init__(self) -> None:
+        if isinstance(self.density, type) or not callable(self.density):
+            object.__setattr__(self, "density", checked("density", self.density, quantity("N/m")))
+
+    def __str__(self) -> str:
+        return "the whole beam" if callable(self.density) else f"the whole beam, {self.density:g} N/m"
+
+
 def words_of(excitation: Any) -> str:
     """The excitation in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
     if holds_drives(excitation):
         return ", ".join(map(words_of, excitation.drives))
     place = getattr(excitation, "at", None)
-    driven = "base" if place is None else f"force at {place if isinstance(place, str) else f'{place:g} m'}"
+    driven = "base" if place is None else f"force at {f'{place:g} m' if isinstance(place, (int, float)) else place}"
     if has_cycle(excitation) and math.isfinite(excitation.phase):
         return f"{driven}{' at' if place is None else ','} {excitation.frequency:.4g} Hz"
     history = getattr(excitation, "history", excitation)

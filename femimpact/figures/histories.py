@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, thinned_line
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, instance, optional, quantity, require, takes, truth
-from femimpact.excitation.excitation import has_cycle, is_force, require_excitation, words_of
+from femimpact.excitation.excitation import LineLoad, has_cycle, is_force, require_excitation, words_of
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.figures.drawing import (
@@ -362,7 +362,9 @@ def drive(excitation: Any, end: float, figure: FigureBase | OffScreen | None = N
     names = getattr(excitation, "names", ("",))
     axes = panels(figure, 8.0, 3.2 * len(drives), len(drives), 1)[:, 0]
     for axis, name, source in zip(axes, names, drives, strict=True):
-        unit, what = ("N", "force") if is_force(source) else ("m/s^2", "acceleration of the base")
+        factor = isinstance(getattr(source, "at", None), LineLoad)
+        of_force = ("1", "factor of the force along the beam") if factor else ("N", "force")
+        unit, what = of_force if is_force(source) else ("m/s^2", "acceleration of the base")
         title = f"{name}: {what}" if name not in ("", "base") else what
         history = getattr(source, "history", source)
         if isinstance(history, RandomBase):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from femimpact.arrays import Array, own
 from femimpact.errors import real_array, require
 from femimpact.excitation.drives import CONSTANT_FORCES, Drives
-from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, require_excitation
+from femimpact.excitation.excitation import AT_SAMPLE, BrokenLine, Excitation, Harmonic, LineLoad, require_excitation
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.sums import one_sine
 from femimpact.response.channels import Channel, QuantityAt, Reading, is_of_contact, zero_reading
@@ -37,7 +37,8 @@ class Drive:
     omega: float  # rad/s: of what counts as a cycle
     history: Callable[[Array], ArrayLike]  # s (m/s^2 or N) at times in s
     closed_form: Harmonic | BrokenLine | PiecewisePolynomial | None  # of s(t), where it has one
-    at: Position | None = None  # place of a force; None where the base moves
+    at: Position | LineLoad | None = None  # place of a force; None where the base moves
+    resultant: float = 1.0  # N per unit of s, of a force
     # of several drives at once: those along further loads, each a drive by itself; all drives, the base first, whose
     # work is kept apart, with the number of their load; and their names
     more: tuple[Drive, ...] = ()
@@ -164,7 +165,8 @@ def drive_of(system: System, excitation: Excitation) -> Drive:
     if at is None:
         return Drive(-system.base_load, 1.0, omega, excitation.acceleration, closed_form)
     force: Any = excitation
-    return Drive(system.point_row(at), 0.0, omega, force.force, closed_form, at)
+    resultant = system.resultant(at) if isinstance(at, LineLoad) else 1.0
+    return Drive(system.point_row(at), 0.0, omega, force.force, closed_form, at, resultant)
 
 
 def _several(system: System, excitation: Drives) -> Drive:
@@ -278,7 +280,8 @@ def _reaction_notes(system: System, drive: Drive, channels: Sequence[Channel]) -
         driven = [row.base[2] * load.share + row.drive[h] for row in rows]
         by_drive, moved = abs(driven[0] - driven[1]), load.share > 0.0
         if by_drive > NEGLIGIBLE * (system.total_mass if moved else 1.0):
-            of_force = f"{number_text(by_drive, 3)} of the force" + (f" at {load.at}" if drive.more else "")
+            share = number_text(by_drive / (abs(load.resultant) or 1.0), 3)
+            of_force = f"{share} of the force" + (f" at {load.at}" if drive.more else "")
             parts.append(f"{number_text(by_drive, 3)} kg times the base's acceleration" if moved else of_force)
     at_rest = abs(float(rows[0].constant - rows[1].constant))
     if at_rest > NEGLIGIBLE * abs(float(rows[1].constant)):
@@ -339,7 +342,8 @@ def _static_loads(system: System, full: System, drive: Drive) -> Iterator[tuple[
         if load.at is None:
             yield "1 m/s^2 of the base", -full.base_load, load.load
         else:
-            yield f"1 N at {load.at}", full.point_row(load.at), load.load
+            words = "the line force" if isinstance(load.at, LineLoad) else f"1 N at {load.at}"
+            yield words, full.point_row(load.at), load.load
     # a constant load that was replaced is that of the modes alone
     if np.any(system.constant_load) and system.constant_resultant == full.constant_resultant:
         yield "constant forces", np.asarray(full.constant_load), np.asarray(system.constant_load)
@@ -354,7 +358,8 @@ def _free_of_reactions(system: System, drive: Drive, reading: Reading) -> tuple[
 
     Beside it, what it reads of the force of each load, (H,).
     """
-    numbers, point_force = np.flatnonzero(reading.reaction), np.full(len(drive.loads), float(reading.point_force))
+    numbers = np.flatnonzero(reading.reaction)
+    point_force = reading.point_force * np.array([load.resultant for load in drive.loads])
     if numbers.size == 0:
         return reading, point_force
     items = list(system.reactions.values())

@@ -19,6 +19,7 @@ from femimpact.contact.collision import damping_ratio_for_restitution, linear_an
 from femimpact.contact.laws import KelvinVoigt, Rigid
 from femimpact.errors import changed, quantity, require, require_type, suggestion
 from femimpact.excitation.drives import PointForce
+from femimpact.excitation.excitation import LineLoad
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.system.contact_pair import ContactPair
@@ -119,7 +120,8 @@ def _parameters(system: System, excitation: Sine | PointForce, hybrid: HybridSys
 
 
 def _of_excitation(system: System, excitation: Any, hybrid: HybridSystem) -> Iterator[Parameter]:
-    sine, unit = (excitation, "m") if isinstance(excitation, Sine) else (excitation.history, "N")
+    of_force = "1" if isinstance(getattr(excitation, "at", None), LineLoad) else "N"
+    sine, unit = (excitation, "m") if isinstance(excitation, Sine) else (excitation.history, of_force)
 
     def at(value: float, name: str) -> tuple[System, Sine | PointForce]:
         number: dict[str, Any] = {name: value}

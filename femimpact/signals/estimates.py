@@ -12,7 +12,7 @@ from femimpact.arrays import Array, Complex
 from femimpact.errors import optional, quantity, require, require_name, takes, warns
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, HammerBlow, named_parts
-from femimpact.excitation.excitation import is_force
+from femimpact.excitation.excitation import LineLoad, is_force
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
@@ -168,7 +168,7 @@ def _input(response: Response, of: Position | None, whole: bool) -> Input:
     at: Any = base.at if force else None
     values = base.force if force else base.acceleration
     drive = Drive(np.zeros(0), float(not force), 1.0, values, getattr(base, "closed_form", None), at)
-    unit, integrals = INPUTS.get(name, ("N", 0))
+    unit, integrals = INPUTS.get(name, ("1" if isinstance(at, LineLoad) else "N", 0))
     # jumps have the impulses that the samples give them
     return Input(force_name(at) if force else name, unit, drive.value_at_steps, integrals, drive.pieces)
 

@@ -247,7 +247,7 @@ def checked_frequencies(frequency: ArrayLike) -> Array:
 
 def force_name(at: Position) -> str:
     """The name of a force as an input: "force at tip"."""
-    return f"force at {at if isinstance(at, str) else f'{at:g} m'}"
+    return f"force at {f'{at:g} m' if isinstance(at, (int, float)) else at}"
 
 
 def unit_over(unit: str, other: str) -> str:

@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from femimpact.contact.law import ContactLaw, require_law
-from femimpact.contact.laws import NoWalls
+from femimpact.contact.law import ContactLaw, collide, require_law
+from femimpact.contact.laws import MATERIALS, Hertz, NoWalls, hertz_stiffness
 from femimpact.errors import (
     LARGEST,
     Fault,
     InputError,
     check_fields,
+    checked,
     choice,
     name_text,
     optional,
@@ -143,6 +144,8 @@ class Impactor:
         Constant acceleration along the ball's path (gravity for a vertical motion).
     free_damping : float, N s/m
         Dashpot beside the centring spring, acting everywhere.
+    material, wall : {"steel", "aluminium", "glass"}, optional
+        Of the ball, a full sphere, and of the walls of its box: what these measure, no motion.
 
     Raises
     ------
@@ -158,6 +161,8 @@ class Impactor:
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
     free_damping: float = field(default=0.0, metadata=quantity("N s/m", at_least=0.0))
+    material: str | None = field(default=None, metadata=optional(choice(*MATERIALS)))
+    wall: str | None = field(default=None, metadata=optional(choice(*MATERIALS)))
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -170,6 +175,35 @@ class Impactor:
     def gaps(self) -> tuple[float, float]:
         """Gap (m) on the + side and on the - side."""
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
+
+    @property
+    def diameter(self) -> float:
+        """Of a full sphere of its mass and its material, m; not a number without a material."""
+        density = MATERIALS[self.material][1] if self.material else math.nan
+        return math.cbrt(6.0 * self.mass / (math.pi * density))
+
+    @property
+    def box_length(self) -> float:
+        """Inside of the box along the path, m: the diameter and both gaps."""
+        return self.diameter + sum(self.gaps)
+
+    def box_mass(self, thickness: float) -> float:
+        """Mass (kg) of a box with walls of a thickness (m), which holds the ball without clearance across its path."""
+        density, d = MATERIALS[self.wall][1] if self.wall else math.nan, self.diameter
+        t = checked("thickness", thickness, quantity("m", above=0.0))
+        return float(density * ((d + 2.0 * t) ** 2 * (self.box_length + 2.0 * t) - d**2 * self.box_length))
+
+    def wall_pressure(self, approach_speed: float) -> tuple[float, float]:
+        """Largest force F (N) and pressure (Pa) where the bare ball meets its bare wall, which does not give way.
+
+        By Hertz's law 3 F/(2 pi a^2), with a^2 = R p of the penetration p (Johnson, 1985, section 4.2). A wall begins
+        to yield below its surface where this is 1.6 times its yield stress (section 6.1 there).
+        """
+        if self.material is None or self.wall is None:
+            return math.nan, math.nan
+        law = Hertz(hertz_stiffness(0.5 * self.diameter, MATERIALS[self.material][0], MATERIALS[self.wall][0]))
+        impact = collide(law, self.mass, approach_speed)
+        return impact.peak_force, 3.0 * impact.peak_force / (math.pi * self.diameter * impact.largest_penetration)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from femimpact.errors import (
     require_type,
     suggestion,
 )
+from femimpact.excitation.excitation import LineLoad
 from femimpact.structure.structure import Absorber, Impactor, Position, Stop
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import (
@@ -62,6 +63,9 @@ from femimpact.system.matrices import (
     definite_factor,
 )
 from femimpact.table import Head, head_of_values, short_repr
+
+GAUSS_POINTS = 8
+"""In an element, of the integral of a force per length."""
 
 ALIKE = 1e-6
 """Relative difference of omega^2 below which two modes count as one first mode."""
@@ -484,13 +488,30 @@ class System:
         # sooner than the product of two sparse matrices
         return np.ascontiguousarray((self.expansion.T @ rows.toarray().T).T)
 
-    def held_shares(self, at: Position) -> Array:
+    def _nodal_row(self, at: Position | LineLoad) -> Matrix:
+        """Row (1, 2 n) on the nodes' (w, w') that reads the deflection at a place, or the integral of q w dx (N m)."""
+        if not isinstance(at, LineLoad):
+            return hermite_rows(self.nodes, [self.position_of(at)])
+        self._on_beam([])
+        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        half = 0.5 * np.diff(self.nodes)[:, None]
+        x = (self.nodes[:-1, None] + half * (1.0 + points)).ravel()
+        q = [at.density(float(place)) for place in x] if callable(at.density) else at.density
+        density = real_array("density", q, "N/m", "must be a finite number at each place of the beam")
+        return sparse.csr_array([(half * weights).ravel() * density]) @ hermite_rows(self.nodes, x)
+
+    def resultant(self, line: LineLoad) -> float:
+        """Force (N) of a line load: the integral of its density over the beam."""
+        require_type(line, LineLoad, "line")
+        return float(self._nodal_row(line).toarray()[0, 0::2].sum())
+
+    def held_shares(self, at: Position | LineLoad) -> Array:
         """Share of a unit force at a place that acts on the held dof of each reaction, (reactions,).
 
         It is 1 for a force on a support itself, and not 0 in the elements beside one. A reaction is less by this
         times the force.
         """
-        rows = hermite_rows(self.nodes, [self.position_of(at)]).toarray()[0] if self.reactions else np.zeros(0)
+        rows = self._nodal_row(at).toarray()[0] if self.reactions else np.zeros(0)
         return np.array([0.0 if item.dof is None else rows[item.dof] for item in self.reactions.values()])
 
     @cached_property
@@ -505,14 +526,16 @@ class System:
                 shares[:, j] = (-1.0 if pair.is_stop else 1.0) * self.held_shares(pair.position)
         return own(shares)
 
-    def point_row(self, at: Position) -> Array:
-        """Row (dofs,) that reads the deflection at a named place, or at metres from the root.
+    def point_row(self, at: Position | LineLoad) -> Array:
+        """Row (dofs,) that reads the deflection at a named place, or at metres from the root; of a line its load (N).
 
         Raises
         ------
         InputError
             If the place is unknown, or lies off the beam.
         """
+        if isinstance(at, LineLoad):
+            return np.asarray(self._on_dofs(self._nodal_row(at))[0])
         if isinstance(at, str) and at in self.directions:
             return self.directions[at]
         if not isinstance(at, str) and not in_range(at, quantity("m")):

@@ -26,6 +26,7 @@ from femimpact.app.study.study import (
     read_mesh_of,
 )
 from femimpact.errors import Fault, InputError, checked, in_range, quantity, require, suggestion
+from femimpact.excitation.excitation import LineLoad
 from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble, assembled_with_modes
 from femimpact.fem.mesh import Mesh
@@ -115,7 +116,9 @@ def _places(study: Study) -> Iterator[Place]:
     yield from _excitation_and_start(moving, _units_of_base(study.base))
     for name, force in named_forces(study.base, study.forces):
         history = getattr(force, "history", force)
-        for key, unit in {"at": "m", **FORCES[kind_of(history, FORCES)].axes(history)}.items():
+        axes = FORCES[kind_of(history, FORCES)].axes(history)
+        along = isinstance(force.at, LineLoad)
+        for key, unit in ({**axes, "density": "N/m"} if along else {"at": "m", **axes}).items():
             yield _place("force", name, key, unit, Stage.CASE)
 
 

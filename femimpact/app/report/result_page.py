@@ -284,7 +284,7 @@ def tables_of(results: ResultReading) -> Iterator[Table]:
     """Tables of results that stand on the page and on the terminal alike."""
     for key, make in (
         ("modes", _modes), ("comparison", _comparison), ("motion", _motion), ("orbits", _orbits),
-        ("recommended", _recommended),
+        ("recommended", _recommended), ("box", _boxes),
     ):  # fmt: skip
         parts = results.attempt(SECTIONS[key], partial(make, results)) or []
         yield from (part for part in parts if isinstance(part, Table))
@@ -297,6 +297,7 @@ def beside_of(results: ResultReading, records: Iterable[Any]) -> dict[str, list[
         for key, make in (
             ("comparison", _comparison), ("orbits", _orbits), ("player", _player), ("motion", _motion),
             ("modes", _modes), ("recommended", _recommended), ("cases", _cases),
+            ("box", _boxes),
         )
     }  # fmt: skip
     for record in records:
@@ -330,6 +331,23 @@ def _motion(results: ResultReading) -> Beside:
         words = f"Kind of motion over the last third: {history.regime.label}. Criterion: {history.regime.criterion}."
     channels = channel_table(results.findings)
     return [words, *([] if channels is None else [channels])]
+
+
+def _boxes(results: ResultReading) -> Beside:
+    """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
+    balls = [one for one in results.study.structure.impactors if one.material] if results.study else []
+    impacts = results.table(FILES["impacts"].name) if balls else None
+    rows = []
+    for ball in balls:
+        speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
+        speed = max(speeds, default=math.nan)
+        force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
+        sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
+        rows.append((ball.name, ball.material, ball.wall, *sizes, float(speed), force, 1e-6 * pressure))
+    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
+    of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
+    header = ("ball", "material", "wall", *names, *of_impact)
+    return [Table("Balls and their boxes, by the gaps of the study file", header, tuple(rows))] if rows else []
 
 
 def _player(results: ResultReading) -> Beside:

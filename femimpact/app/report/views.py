@@ -107,7 +107,7 @@ def spectra_of(
 SECTIONS = {
     "best": "The best case", "comparison": "The paper and ours", "response": "Response over frequency",
     "orbits": "Periodic orbits", "player": "The motion", "drive": "The drive", "motion": "Histories",
-    "spectra": "Spectra", "impacts": "Impacts", "energy": "Energy", "modes": "Modes",
+    "spectra": "Spectra", "impacts": "Impacts", "box": "Does the ball fit", "energy": "Energy", "modes": "Modes",
     "recommended": "Recommended numbers", "convergence": "Convergence", "decay": "Decay",
     "study": "The measures over the axes", "cases": "Cases",
 }  # fmt: skip

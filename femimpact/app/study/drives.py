@@ -25,7 +25,7 @@ from femimpact.errors import (
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.columns import record_text
 from femimpact.excitation.drives import Drives, HammerBlow, PointForce
-from femimpact.excitation.excitation import words_of
+from femimpact.excitation.excitation import LineLoad, words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase
@@ -329,10 +329,16 @@ BASES: Mapping[str, Kind] = {
 """Each kind of [base]."""
 
 OF_PLACE = {"at": Key("at", REQUIRED, place()), "name": Key("name", None, optional(name_text()))}
-"""Keys of [[force]] of every kind."""
+OF_LINE = {**OF_PLACE, "at": Key("at", None, place()), "density": Key("density", None, quantity("N/m"))}
+"""Keys of [[force]] of every kind, and of one that may act along the beam, where its density stands for `at`."""
 
 FORCES: Mapping[str, Kind] = {
-    name: replace(kind, beside=OF_PLACE, where=f"a [[force]] of kind {name!r}", ranges={**LEVELS, **kind.ranges})
+    name: replace(
+        kind,
+        beside=OF_PLACE if name == "hammer" else OF_LINE,
+        where=f"a [[force]] of kind {name!r}",
+        ranges={**LEVELS, **kind.ranges},
+    )
     for name, kind in {
         "sine": Kind(Sine, names={"force": "amplitude"}),
         "chirp": Kind(
@@ -394,7 +400,11 @@ def force_of(table: Mapping[str, Any]) -> PointForce | HammerBlow:
 
     Raises `InputError` as of `Kind.made`.
     """
-    of_place = {"at": table["at"], "name": table.get("name")}
+    of_place: dict[str, Any] = {"at": table.get("at"), "name": table.get("name")}
+    if table.get("density") is not None and table["kind"] != "hammer":
+        of_place["at"] = LineLoad(table["density"])
+        # of the density the level is a factor
+        table = {"force": 1.0, **table} if "force" in FORCES[table["kind"]].keys else table
     try:
         if table["kind"] == "hammer":
             blow: HammerBlow = made_of(table, FORCES, **of_place)
@@ -408,7 +418,8 @@ def force_of(table: Mapping[str, Any]) -> PointForce | HammerBlow:
 def force_table(force: PointForce | HammerBlow) -> dict[str, Any]:
     """Keys and values of the table [[force]] of a force."""
     named = {} if force.name is None else {"name": force.name}
-    return {**named, "at": force.at, **table_of(getattr(force, "history", force), FORCES)}
+    place = {"density": force.at.density} if isinstance(force.at, LineLoad) else {"at": force.at}
+    return {**named, **place, **table_of(getattr(force, "history", force), FORCES)}
 
 
 # ---- the history that they drive --------------------------------------------------------------------
@@ -443,6 +454,10 @@ def check_drives(base: Any, forces: tuple[Any, ...], duration: float | None) -> 
         more = ', and a force without a name is "force 1", "force 2" and so on by its place in the file'
         faults = [replace(one, allowed=one.allowed + more * (one.key == "forces.name")) for one in error.faults]
         raise InputError([replace(one, key=one.key.replace("forces", "force")) for one in faults]) from None
+    for name, force in named:
+        if isinstance(force.at, LineLoad) and callable(force.at.density):
+            allowed = "must be a number in a study: a function of x is one of a script, fi.LineForce(density, history)"
+            raise InputError([Fault(f"force.{name}.density", None, "N/m", allowed)])
     motions = [("base.delay", motion) for motion in getattr(base, "parts", (base,))]
     for key, one in motions + [(f"force.{name}.delay", getattr(force, "history", None)) for name, force in named]:
         if isinstance(one, Shock) and one.delay >= history:

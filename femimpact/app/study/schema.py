@@ -184,6 +184,7 @@ OF_HISTORY = {
     "duration": "Duration of the simulated history; absent, that of the motion, of a sum its longest.",
     "start": "At rest relative to the base, at rest in the inertial frame, or in the static state.",
     "at": "Named place, or metres from the root.",
+    "density": "Force per length along the beam, in place of at; the level is then a factor, 1 by default.",
     "name": 'Without a dot; by default "force 1", "force 2" and so on in their order.',
 }
 """Meanings of the keys of [base] and [[force]] beside those of the noun, by what they give."""
@@ -214,10 +215,12 @@ def force_schema() -> dict[str, Any]:
     density = {"description": "one-sided density of the force", "x-unit": "Hz, N^2/Hz", "x-rows": "N^2/Hz"}
     for keys in (form["properties"] for form in forms):
         if "force" in keys:
-            keys["force"]["description"] = "level of the force"
+            keys["force"]["description"] = "level of the force, needed where it acts at a place"
         if "psd" in keys:
             keys["psd"] = keys["psd"] | density
-    return {"description": "A force at a place, beside the motion of the base.", "oneOf": forms}
+    for form in forms:
+        form["required"] = [key for key in form["required"] if key != "force"]
+    return {"description": "A force at a place or along the beam, beside the motion of the base.", "oneOf": forms}
 
 
 def chosen_later(noun: Any) -> tuple[str, ...]:

@@ -430,7 +430,7 @@ def build_systems(study: Study, mesh: Mesh | None = None) -> tuple[System, Syste
     full = assemble_on(study, study.structure, mesh)
     for name, force in named_forces(study.base, study.forces):
         with faults_of(f"force.{name}.at"):
-            full.position_of(force.at)
+            full.point_row(force.at)
     if study.reduction is None:
         return full, full
     kept = study.reduction.modes

@@ -389,8 +389,11 @@ def _force(prefix: str, values: Mapping[str, Any], faults: list[Fault]) -> Any:
     if not isinstance(kind, str) or kind not in FORCES:
         faults.append(kind_fault(f"{prefix}.kind", kind, FORCES))
         return None
-    if values.get("at") is None:
-        faults.append(Fault(f"{prefix}.at", None, "", "is missing: the place at which the force acts"))
+    placed = [key for key in ("at", "density") if values.get(key) is not None]
+    if len(placed) != 1:
+        along = "the place at which the force acts, or density (N/m) of one along the beam"
+        words = f"must be one of both: {along}" if placed else f"is missing: {along}"
+        faults.append(Fault(f"{prefix}.at", values.get("at"), "", words))
         return None
     return _collected(prefix, partial(force_of, _values(prefix, values, faults)), faults)
 
