@@ -12,7 +12,6 @@ GONE = {
     "solve_modes": "modes",
     "integrate": "simulate",
     "parameter_study": "scan_restitution RestitutionScan",
-    "parameter_study": "scan_restitution RestitutionScan",
     "figures.study": "study_lines study_map study_maps study_scatter value_map restitution_scan",
     "figures.convergence": "mesh_convergence step_convergence",
     "convergence.ConvergenceTable": "MeshConvergence StepConvergence ModeConvergence",
