@@ -346,12 +346,17 @@ def check(study: Path, *, strict: bool = False) -> None:
 
 
 @app.command
-def modes(study: Path, *, to: To = HERE) -> None:
+def modes(study: Path, *, animate: bool = False, to: To = HERE) -> None:
     """Natural frequencies, damping and effective masses, without the ball and with it glued on.
 
     Example: femimpact modes study.toml
+
+    Parameters
+    ----------
+    animate
+        Leave each mode over its period for ParaView.
     """
-    _run(_study(study, to), "modes", to, ("modes",))
+    _run(_study(study, to), "modes", to, ("modes",), animate)
 
 
 @app.command
@@ -549,10 +554,10 @@ def _study(path: Path, to: To) -> Study:
         return load_study(path)
 
 
-def _run(study: Study, kind: str, to: To, parts: tuple[str, ...]) -> None:
+def _run(study: Study, kind: str, to: To, parts: tuple[str, ...], animate: bool = False) -> None:
     from femimpact.app.tasks.run import run_study
 
-    _leave(run_study, study, kind, to, parts=parts)
+    _leave(run_study, study, kind, to, parts=parts, animate=animate)
 
 
 def _leave(write: Callable[..., object], study: Study, kind: str, to: To, **more: Any) -> None:

@@ -152,6 +152,7 @@ def run_study(
     directory: str | Path,
     *,
     parts: tuple[str, ...] = PARTS,
+    animate: bool = False,
     force: bool = False,
     report: Report = _silent,
 ) -> StudyResults:
@@ -166,6 +167,8 @@ def run_study(
         Must not exist or be empty, unless forced.
     parts : tuple of str
         Any of "modes", "simulate", "sweep"; a study without [sweep] skips it.
+    animate : bool
+        Files for ParaView of each mode over its period.
     report : callable, optional
         Called with what is being done and its share, 0 to 1.
 
@@ -181,21 +184,21 @@ def run_study(
     require(isinstance(parts, (tuple, list)), "parts", parts, "", f"must be some of {', '.join(PARTS)}")
     for part in parts:
         require_name(part, PARTS, "parts")
-    force = checked("force", force, truth())
+    animate, force = checked("animate", animate, truth()), checked("force", force, truth())
     usable = callable(report) and not isinstance(report, type)
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
     prepared = prepare(study, parts)
     names = {"modes": "modes", "simulate": "history", "sweep": "sweep"}
     kept = tuple(name for part, name in names.items() if part in parts and (part != "sweep" or study.sweep))
-    task = Task(study, findings_of(prepared), kept, partial(_parts_of_run, prepared, kept))
+    task = Task(study, findings_of(prepared), kept, partial(_parts_of_run, prepared, kept, animate))
     return run_task(task, directory, force, report)
 
 
-def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Report) -> Iterator[Finished]:
+def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool, report: Report) -> Iterator[Finished]:
     """Modes, history and sweep, as far as they are asked for; ranges over several starts behind each."""
     study, small, response = prepared.study, prepared.small, None
     if "modes" in parts:
-        yield modes_part(prepared, run_modes(prepared))
+        yield modes_part(prepared, run_modes(prepared), animate)
     if "history" in parts:
         response = run_simulation(prepared, report)
         yield history_part(prepared, response)
@@ -221,8 +224,8 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Repor
 # ---- files and findings of the parts ----------------------------------------------------------------
 
 
-def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Finished:
-    """What `run_modes` returned."""
+def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None], animate: bool = False) -> Finished:
+    """What `run_modes` returned; animated, each mode over its period too."""
     full, structure, (empty, glued) = prepared.full, prepared.study.structure, modes
     columns, units = mode_columns(empty)
     # a number of a row has none in a file
@@ -233,13 +236,14 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Fi
         "modes": (columns, units),
         "mode_shapes": mode_shape_data(full, empty),
     }
-    if prepared.study.output.paraview:
+    if animate or prepared.study.output.paraview:
         from femimpact import vtk
 
-        files["modes_scene"] = lambda path: vtk.write_modes(path, full, empty, structure)
         # a rigid motion has no period to be shown over
-        for mode in (1 + np.flatnonzero(empty.natural_frequency > 0.0)).tolist():
+        for mode in (1 + np.flatnonzero(empty.natural_frequency > 0.0)).tolist() if animate else ():
             files[f"mode_{mode}_scene"] = lambda path, i=mode: vtk.write_mode(path, full, empty, structure, i)
+        # the script opens the last one
+        files["modes_scene"] = lambda path: vtk.write_modes(path, full, empty, structure)
     return Finished("modes", files, findings_of_modes(modes))
 
 
@@ -250,7 +254,7 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
         files["snapshots"] = snapshot_data(response, response.snapshots)
-        # the script of the last one opens it
+        # the script opens the last one
         scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
         for key in (key for key, asked in scenes if asked):
             from femimpact import vtk
