@@ -25,7 +25,6 @@ from femimpact.app.study.study_file import load_study
 from femimpact.app.study.summary import SweepPair, findings_of, findings_of_modes
 from femimpact.app.tasks.run import (
     history_part,
-    last_cycles_part,
     modes_part,
     run_modes,
     run_simulation,
@@ -129,10 +128,9 @@ def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> I
     yield Finished("sweep", left, said)
     prepared = _at_resonance(prepared, sweeps)
     response = run_simulation(prepared, report)
-    finished = history_part(prepared, response)
+    finished = history_part(prepared, response, report)
     # the study of the results is that of the history
     yield replace(finished, files={**study_files(prepared.study), **finished.files})
-    yield last_cycles_part(prepared, response, report)
 
 
 def _at_resonance(prepared: PreparedStudy, sweeps: SweepPair) -> PreparedStudy:

@@ -438,8 +438,9 @@ def write_script(
 def _series_of(script: Path) -> dict[str, Any]:
     """What a script says of each series that is still beside it; nothing where it is not there or not of femimpact."""
     with suppress(OSError, SyntaxError, ValueError, AttributeError, TypeError):
-        lines = (line for line in ast.parse(script.read_text(encoding="utf-8")).body if isinstance(line, ast.Assign))
-        series = next((ast.literal_eval(line.value) for line in lines if ast.unparse(line.targets[0]) == "FILES"), {})
+        lines = [line for line in ast.parse(script.read_text(encoding="utf-8")).body if isinstance(line, ast.Assign)]
+        values = {ast.unparse(line.targets[0]): line.value for line in lines}
+        series = ast.literal_eval(values.get("FILES", "{}"))
         return {name: about for name, about in series.items() if script.with_name(name).is_file()}
     return {}
 

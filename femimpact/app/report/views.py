@@ -211,13 +211,13 @@ VIEWS = (
         when=_has_impacts, file="impacts",
     ),
     View(
-        "impacts", Run, "contact_force", file="last_cycles",
+        "impacts", Run, "contact_force", file="history",
         figure=lambda run: figures.contact_force(run.end, averaged=False, figure=OFF_SCREEN),
         # a rigid impact has an impulse and no force to draw
         when=lambda run: run.end is not None and bool(set(run.end.impacts.law.values()) - {Rigid.name}),
     ),
     View(
-        "motion", Run, "phase_portrait", file="last_cycles",
+        "motion", Run, "phase_portrait", file="history",
         figure=lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
         when=lambda run: run.end is not None and bool(run.end.system.balls),
     ),

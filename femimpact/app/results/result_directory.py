@@ -69,11 +69,9 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
     "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
     "sweep_data": ("sweep.nc", "response curves with labels (netCDF, xarray)", "sweep"),
-    "history": ("history.nc", "every channel over time (netCDF, xarray)", "history"),
+    "history": ("history.nc", "every channel over time, and the last cycles finely (netCDF, xarray)", "history"),
     "impacts": ("impacts.csv", "every impact, a row each", "history"),
     "impact_data": ("impacts.nc", "impacts with the energy to each mode (netCDF, xarray)", "history"),
-    "snapshots": ("snapshots.nc", "whole deflections, from which player and movie are drawn", "history"),
-    "last_cycles": ("last_cycles.nc", "channels of the last cycles at every step", "pictures"),
     "modes_scene": ("paraview/modes.pvd", "mode shapes for ParaView", "modes"),
     **{
         f"mode_{i}_scene": (f"paraview/mode_{i}.pvd", f"mode {i} over its period, for ParaView", "modes --animate")

@@ -12,10 +12,17 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
+from femimpact.app.results.picture_data import (
+    LAST_CYCLES,
+    SNAPSHOTS,
+    last_cycle_data,
+    mode_shape_data,
+    snapshot_data,
+)
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
+    LEAST_SAMPLES,
     PARTS,
     PreparedStudy,
     even_grid,
@@ -35,7 +42,9 @@ from femimpact.app.study.summary import (
 from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_histories, spreads_of
 from femimpact.app.tasks.task import Finished, Task, run_task
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
+from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.harmonic import Sine
+from femimpact.files import write_netcdf
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least
 from femimpact.integrators.runs import integrate
@@ -201,7 +210,7 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool
         yield modes_part(prepared, run_modes(prepared), animate)
     if "history" in parts:
         response = run_simulation(prepared, report)
-        yield history_part(prepared, response)
+        yield history_part(prepared, response, report)
         if runs_of_starts(small, study.output.starts) > 1:
             yield Finished("history", findings=drawn_histories(prepared, report))
     if "sweep" in parts:
@@ -217,8 +226,6 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool
             )
             files = {"curves_of_starts": columns_of_starts({study.start: curves})}
             yield Finished("sweep", files, joined(ranges, failed))
-    if response is not None:
-        yield last_cycles_part(prepared, response, report)
 
 
 # ---- files and findings of the parts ----------------------------------------------------------------
@@ -247,13 +254,18 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None], anima
     return Finished("modes", files, findings_of_modes(modes))
 
 
-def history_part(prepared: PreparedStudy, response: Response) -> Finished:
-    """What `run_simulation` returned."""
+def history_part(prepared: PreparedStudy, response: Response, report: Report) -> Finished:
+    """What `run_simulation` returned, and with contacts the last cycles at every step, where there will be figures."""
     study, output = prepared.study, prepared.study.output
-    files: dict[str, Any] = {"history": response.to_xarray(), **impact_files(response)}
+    groups, history = dict[str, Any](), response.to_xarray().isel(time=slice(None, None, _stride(study, response)))
+    files: dict[str, Any] = {"history": lambda path: write_netcdf(path, history, **groups), **impact_files(response)}
+    if output.figures and response.system.contacts:
+        report("last cycles, for figures", 0.0)
+        groups[LAST_CYCLES] = last_cycle_data(response, last_cycles(prepared, response))
+        report("last cycles, for figures", 1.0)
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
-        files["snapshots"] = snapshot_data(response, response.snapshots)
+        groups[SNAPSHOTS] = snapshot_data(response, response.snapshots)
         # the script opens the last one
         scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
         for key in (key for key, asked in scenes if asked):
@@ -261,6 +273,16 @@ def history_part(prepared: PreparedStudy, response: Response) -> Finished:
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
     return Finished("history", files, findings_of_history(prepared, response))
+
+
+def _stride(study: Study, response: Response) -> int:
+    """Every how many samples of a run are in its file: of a cycle of a sine `LEAST_SAMPLES`, unless the study says."""
+    is_sine = has_cycle(study.excitation) and study.record is None
+    says = (study.output.every, study.output.interval) != (None, None)
+    if says or not is_sine or response.time.size < 2:
+        return 1
+    interval = float(response.time[1] - response.time[0])
+    return max(math.floor(1.0 / (LEAST_SAMPLES * study.excitation.frequency * interval) + 1e-9), 1)
 
 
 def impact_files(response: Response) -> dict[str, Any]:
@@ -291,13 +313,3 @@ def sweep_part(prepared: PreparedStudy, sweeps: SweepPair) -> Finished:
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
     data = data.assign_coords(grid=("frequency", grid)).assign_attrs(contact_law=laws)
     return Finished("sweep", {"sweep": (columns, units), "sweep_data": data}, findings_of_sweeps(prepared, sweeps))
-
-
-def last_cycles_part(prepared: PreparedStudy, response: Response, report: Report) -> Finished:
-    """The last cycles of a history with contacts at every step, where there will be figures of them."""
-    files: dict[str, Any] = {}
-    if prepared.study.output.figures and response.system.contacts:
-        report("last cycles, for figures", 0.0)
-        files["last_cycles"] = last_cycle_data(response, last_cycles(prepared, response))
-        report("last cycles, for figures", 1.0)
-    return Finished("last cycles", files)
