@@ -25,6 +25,7 @@ from builders import (
 from test_markup import HOSTILE, Parsed
 
 import femimpact as fi
+from femimpact.app.report.pictures import draw_again
 from femimpact.app.report.player import FULL, frames_of
 from femimpact.cli import app
 
@@ -208,6 +209,31 @@ def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
             (tmp_path / "summary.json").write_text(json.dumps({"study": "a.toml", "warnings": [], key: value}))
             write_report(tmp_path)
             assert "What was found" in text_of(tmp_path)
+
+
+def test_a_damaged_summary_shows_what_is_sound_and_names_each_damaged_key(results):
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["warnings"]
+    whole = Parsed(text_of(results)).text
+    assert "the summary is damaged" not in whole
+    damaged = {"history": {**summary["history"], "peak": "wide"}, "seeds": 3, "checksums": {"modes.csv": 1}}
+    (results / "summary.json").write_text(json.dumps(summary | damaged))
+    write_report(results)
+    text = Parsed(text_of(results)).text
+    missing = text[text.index("What is missing") :]
+    for key in ("summary.history.peak = 'wide'", "summary.seeds = 3", "summary.checksums.modes.csv = 1"):
+        assert key in missing, key
+    # the rest is there: warnings, notes, versions, and numbers of the sweep, but none of the history
+    for word in (*summary["warnings"], *summary["notes"], *summary["versions"], "Largest peak without ball"):
+        assert word in text, word
+    assert "Peak of the tip" in whole
+    assert "Peak of the tip" not in text
+    for refused in (fi.load, lambda folder: draw_again(folder, "figures", lambda *_: None)):
+        with (
+            pytest.warns(ResultsWarning, match=r"summary.json: is not as the study left it"),
+            pytest.raises(fi.InputError, match=r"summary\.history\.peak = 'wide': .*the summary is damaged"),
+        ):
+            refused(results)
 
 
 FOREIGN = {

@@ -26,6 +26,7 @@ from femimpact.app.results.result_directory import (
     unfinished_state,
 )
 from femimpact.app.results.results import write_summary
+from femimpact.app.study.findings import Findings
 from femimpact.files import atomic_write
 from femimpact.vtk import formats
 
@@ -39,7 +40,7 @@ def write_results(folder, value):
     # more frames before than after
     frames = range(2 if value == NEW else 4)
     formats.write_frames(new_file(folder, "modes_scene"), frames, (f"{value}" for _ in frames))
-    write_summary(folder, {"value": value})
+    write_summary(folder, Findings(step=value))
 
 
 def run(directory, value, force=False):
@@ -50,7 +51,7 @@ def run(directory, value, force=False):
 def value_of(directory):
     """Which run the results are of; every file must be of the same."""
     results = fi.load(directory)
-    value = results.summary["value"]
+    value = results.summary["step"]
     assert results.modes["value"][0] == value
     assert (results.impacts is None) == (results.sticking is not None) == (value == OLD)
     frames = sorted(path.read_text() for path in (Path(directory) / "paraview" / "modes").iterdir())

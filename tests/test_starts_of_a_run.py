@@ -21,7 +21,7 @@ from builders import (
 
 import femimpact as fi
 from femimpact.app.report.result_conclusions import conclusions_of
-from femimpact.app.results.picture_data import read_bands
+from femimpact.app.results.picture_data import read_results
 from femimpact.app.study.findings import read_findings
 from femimpact.app.tasks import starts as starts_of
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of
@@ -64,7 +64,7 @@ def test_bands_contain_the_median(ran):
     columns = read_csv(ran.directory / "curves_of_starts.csv")
     assert np.all(columns["base_peak_low"] <= columns["base_peak"])
     assert np.all(columns["base_peak"] <= columns["base_peak_high"])
-    ((words, frequency, low, high),) = read_bands(ran.directory, ran.summary)
+    ((words, frequency, low, high),) = read_results(ran.directory).curves.bands
     assert words == "with ball, 5 starts of the ball"
     for name, values in (("frequency", frequency), ("base_peak_low", low), ("base_peak_high", high)):
         np.testing.assert_array_equal(values, columns[name])
@@ -157,7 +157,7 @@ def test_other_frames_have_ranges_too(start, tmp_path):
     one = study(2)
     found = fi.run_study(replace(one, start=start), tmp_path / "out")
     assert set(found.summary["starts"]) == {start}
-    assert len(read_bands(found.directory, found.summary)) == 1
+    assert len(read_results(found.directory).curves.bands) == 1
     assert any("2 starts" in card.scatter for card in conclusions_of(read_findings(found.summary)))
 
 

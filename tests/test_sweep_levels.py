@@ -10,7 +10,7 @@ import pytest
 from builders import read_study, same_study, study_text
 
 import femimpact as fi
-from femimpact.app.results.picture_data import read_curves
+from femimpact.app.results.picture_data import read_results
 
 ROWS = ((4.0, 0.2), (5.0, 0.4), (6.0, 0.4))
 
@@ -63,10 +63,7 @@ def test_a_study_sweeps_at_the_level_of_its_plan(tmp_path: Path) -> None:
     assert rows[1] == (5.0, 0.2941995)
     assert same_study(read_study(study_text(found), tmp_path / "study.toml"), found)
     fi.run_study(found, tmp_path / "results")
-    import json
-
-    summary = json.loads((tmp_path / "results" / "summary.json").read_text(encoding="utf-8"))
-    read = read_curves(tmp_path / "results", summary)
+    read = read_results(tmp_path / "results").curves
     assert read is not None
     for curve in read.curves.values():
         np.testing.assert_array_equal(curve.acceleration, rows)  # type: ignore[arg-type]

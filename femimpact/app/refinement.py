@@ -116,29 +116,29 @@ def refine(
     seed = checked_value("seed", seed, quantity("1", at_least=0, integer=True))
     if worst_over is None and isinstance(study, Study) and study.plan is not None and study.plan.best is not None:
         worst_over = study.plan.best.worst_over
-    given = _axes_of_study(study, worst_over) if axes is None else axes
-    sound = isinstance(given, Mapping) and len(given) > 0 and all(isinstance(name, str) for name in given)
-    require(sound, "axes", kind_of(given), "", "must be bounds by paths")
-    names = tuple(given)
+    axes = _axes_of_study(study, worst_over) if axes is None else axes
+    sound = isinstance(axes, Mapping) and len(axes) > 0 and all(isinstance(name, str) for name in axes)
+    require(sound, "axes", kind_of(axes), "", "must be bounds by paths")
+    names = tuple(axes)
     worst, most = check_best(measure, worst_over, limits, names, _known_measures(measure, limits))
-    met = {name: _values(name, given[name]) for name in worst}
-    bounds = {name: _bounds(name, given[name]) for name in names if name not in worst}
-    measures, found = list(dict.fromkeys((measure, *most))), list[Any]()
+    worst_values = {name: _values(name, axes[name]) for name in worst}
+    bounds = {name: _bounds(name, axes[name]) for name in names if name not in worst}
+    measures, studies = list(dict.fromkeys((measure, *most))), list[Any]()
     _require_forces(study, measures)
     box = np.array(list(bounds.values())).T
     # of each round after the first at most so many designs
-    most_cases = (FIRST + rounds * BEST * AROUND) * math.prod(len(values) for values in met.values())
+    most_cases = (FIRST + rounds * BEST * AROUND) * math.prod(len(values) for values in worst_values.values())
     designs = box[0] + _sobol(FIRST, len(bounds), seed) * (box[1] - box[0])
     for number in range(rounds + 1):
         cases = [
-            dict(zip((*bounds, *met), (*design, *values), strict=True))
+            dict(zip((*bounds, *worst_values), (*design, *values), strict=True))
             for design in designs.tolist()
-            for values in itertools.product(*met.values())
+            for values in itertools.product(*worst_values.values())
         ]
         folder = None if directory is None else Path(directory) / f"round_{number + 1}"
-        done = sum(one.sizes["case"] for one in found)
+        done = sum(one.sizes["case"] for one in studies)
         try:
-            found.append(
+            studies.append(
                 parameter_study(
                     study, cases, measures, starts=starts, seed=seed, directory=folder,
                     progress=_of_all_rounds(progress, done, most_cases), **more,
@@ -147,7 +147,7 @@ def refine(
         except InputError as error:
             faults = [replace(each, key="measure") if each.key == "measures" else each for each in error.faults]
             raise InputError(faults) from None
-        dataset = _together(found)
+        dataset = _together(studies)
         if number < rounds:
             best = ranked_designs(dataset, measure, worst, limits, BEST)
             half = FIRST ** (-1.0 / len(bounds)) * AROUND ** (-number / len(bounds))
@@ -178,7 +178,7 @@ def _axes_of_study(study: Any, worst_over: Any) -> dict[str, Any]:
     plan = study.plan if isinstance(study, Study) else None
     if plan is None:
         raise InputError([Fault("axes", None, "", "must be given: the study has no table [study.axes]")])
-    over, found = worst_over if isinstance(worst_over, (list, tuple)) else (FREQUENCY,), dict[str, Any]()
+    over, axes = worst_over if isinstance(worst_over, (list, tuple)) else (FREQUENCY,), dict[str, Any]()
     for name, axis in plan.axes.items():
         allowed = "must be a list of numbers to be searched between: give axes={...}"
         require(isinstance(axis, AxisValues), f"study.axes.{name}", str(axis), "", allowed)
@@ -186,8 +186,8 @@ def _axes_of_study(study: Any, worst_over: Any) -> dict[str, Any]:
         if name not in over:
             require(all(in_range(one, quantity("")) for one in values), f"study.axes.{name}", values, "", allowed)
             values = [min(values), max(values)]
-        found[name] = values
-    return found
+        axes[name] = values
+    return axes
 
 
 def _known_measures(measure: Any, limits: Any) -> dict[str, str]:
@@ -227,9 +227,9 @@ def _around(best: list[list[float]], box: Array, half: float, seed: int) -> Arra
     return np.concatenate(boxes)
 
 
-def _together(found: list[Any]) -> Any:
+def _together(studies: list[Any]) -> Any:
     """One dataset of the cases of several lists."""
     import xarray
 
-    both = xarray.concat(found, "case", combine_attrs="override") if len(found) > 1 else found[0]
+    both = xarray.concat(studies, "case", combine_attrs="override") if len(studies) > 1 else studies[0]
     return both.assign_coords(case=np.arange(both.sizes["case"]))

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import records_of
 from femimpact.app.report.views import pictures_of, reason_of, save_pictures
-from femimpact.app.results.picture_data import ResultReading
+from femimpact.app.results.picture_data import ResultReading, read_results
 from femimpact.app.results.result_directory import FILES, added_results, new_file, result_files
-from femimpact.app.results.results import CHECKSUMS, read_summary, write_summary
+from femimpact.app.results.results import read_summary, write_summary
+from femimpact.app.study.findings import Findings, read_findings
 from femimpact.app.study.study import Study
 from femimpact.errors import Fault, InputError, require
 
@@ -36,7 +37,7 @@ def draw_kinds(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                results = ResultReading(folder, read_summary(folder), study)
+                results = read_results(folder, study)
                 if kind == "figures":
                     elements, failures[kind] = _draw_figures(results)
                 else:
@@ -72,18 +73,15 @@ def _draw_movie(results: ResultReading) -> None:
             (folder / FILES[key].name).unlink(missing_ok=True)
 
 
-def with_pictures(
-    summary: Mapping[str, Any], failures: Mapping[str, str | None], directory: str | Path
-) -> dict[str, Any]:
-    """The summary with what became of its pictures, and a warning for each kind that was not drawn."""
-    said = list(summary.get("warnings", []))
-    pictures = dict(summary.get("pictures", {}))
+def with_pictures(findings: Findings, failures: Mapping[str, str | None], directory: str | Path) -> Findings:
+    """The findings with what became of their pictures, and a warning for each kind that was not drawn."""
+    texts, pictures = findings.warnings, dict(findings.pictures)
     for kind, failure in failures.items():
-        said = [text for text in said if not text.startswith(f"{kind} not drawn: ")]
+        texts = tuple(text for text in texts if not text.startswith(f"{kind} not drawn: "))
         pictures[kind] = "drawn" if failure is None else f"not drawn: {failure}"
         if failure is not None:
-            said.append(f"{kind} {pictures[kind]}; 'femimpact {kind} {directory}' draws again")
-    return {**summary, "pictures": pictures, "warnings": said}
+            texts += (f"{kind} {pictures[kind]}; 'femimpact {kind} {directory}' draws again",)
+    return replace(findings, pictures=pictures, warnings=texts)
 
 
 def draw_again(
@@ -100,15 +98,15 @@ def draw_again(
     """
     folder = Path(directory)
     with added_results(folder):
-        summary = read_summary(folder)
+        findings = read_findings(read_summary(folder))
         before = {name: (folder / name).stat().st_mtime_ns for name in result_files(folder)}
         failure = draw_kinds(folder, (kind,), report)[0][kind]
         drawn = tuple(name for name in result_files(folder) if (folder / name).stat().st_mtime_ns != before.get(name))
         refused = InputError([Fault(kind, str(folder), "", f"not drawn: {failure}")])
         if not drawn:
             raise refused
-        sums = {name: one for name, one in summary.get(CHECKSUMS, {}).items() if name not in drawn}
-        write_summary(folder, with_pictures({**summary, CHECKSUMS: sums}, {kind: failure}, folder))
+        sums = {name: one for name, one in findings.checksums.items() if name not in drawn}
+        write_summary(folder, with_pictures(replace(findings, checksums=sums), {kind: failure}, folder))
     if failure is not None:
         raise refused
     return drawn

@@ -34,11 +34,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def texts_of(values: Any) -> tuple[str, ...]:
-    """Texts of a list in a summary; none where something else stands there."""
-    return tuple(str(one) for one in values) if isinstance(values, (list, tuple)) else ()
-
-
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
     """Best cases of a parameter study by their measures, and reasons for which there is none."""
     data, plan = results.parameter_study, None if results.study is None else results.study.plan
@@ -65,26 +60,26 @@ def result_warnings(results: ResultReading) -> tuple[str, ...]:
     """What is warned of in a directory of results, on its page and on the terminal alike."""
     data, name = results.parameter_study, FILES["parameter_study"].name
     failures = () if data is None else results.attempt(name, lambda: study_failures(data)) or ()
-    return (*texts_of(results.summary.get("warnings")), *failures)
+    return (*results.findings.warnings, *failures)
 
 
-def conclusions_of(found: Findings) -> tuple[Conclusion, ...]:
+def conclusions_of(findings: Findings) -> tuple[Conclusion, ...]:
     """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
     return (
-        *_peaks(found),
-        *_ratio(found),
-        *_damping(found),
-        *_history(found),
-        *_contacts(found),
-        *_frequencies(found),
-        *_energy(found),
-        *_orbits(found),
+        *_peaks(findings),
+        *_ratio(findings),
+        *_damping(findings),
+        *_history(findings),
+        *_contacts(findings),
+        *_frequencies(findings),
+        *_energy(findings),
+        *_orbits(findings),
     )
 
 
-def _orbits(found: Findings) -> list[Conclusion]:
+def _orbits(findings: Findings) -> list[Conclusion]:
     """How many branches of periodic orbits there are, and where their orbits are stable."""
-    orbits = found.orbits
+    orbits = findings.orbits
     if orbits is None or not orbits.branches:
         return []
     stable = sum(1 for branch in orbits.branches if branch.stable_points)
@@ -96,15 +91,15 @@ def _orbits(found: Findings) -> list[Conclusion]:
     return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
-def _shown(value: float) -> str:
+def _four_digits(value: float) -> str:
     """Four digits, those at the end that are zero among them."""
     return str(int(value)) if value == int(value) and abs(value) >= 1000.0 else typeset_number(value, zeros=True)
 
 
 def number_conclusion(label: str, value: float, unit: str, **more: Any) -> Conclusion:
     """The conclusion of a number, in the unit that fits."""
-    factor, shown = prefixed(abs(value), unit)
-    return Conclusion(label, _shown(factor * value), "" if shown == "1" else shown, **more)
+    factor, unit = prefixed(abs(value), unit)
+    return Conclusion(label, _four_digits(factor * value), "" if unit == "1" else unit, **more)
 
 
 TRANSIENT = "a transient of the start has not died out"
@@ -119,13 +114,13 @@ def _settling(part: CurveSummary | HistorySummary) -> str:
     return f"; {TRANSIENT}" if part.peak_is_transient else ""
 
 
-def _peaks(found: Findings) -> Iterator[Conclusion]:
-    for case, words in (("empty", f"without {found.carried}"), ("ball", f"with {found.carried}")):
-        curve = found.sweep.get(case)
+def _peaks(findings: Findings) -> Iterator[Conclusion]:
+    for case, words in (("empty", f"without {findings.carried}"), ("ball", f"with {findings.carried}")):
+        curve = findings.sweep.get(case)
         if curve is None or not (_known(curve.peak_amplitude) and _known(curve.peak_frequency)):
             continue
         label = f"Largest peak {words}"
-        several = _from_starts(found, "peak_amplitude", label, "m") if case == "ball" else []
+        several = _from_starts(findings, "peak_amplitude", label, "m") if case == "ball" else []
         if several:
             yield from several
             continue
@@ -144,28 +139,28 @@ def _peaks(found: Findings) -> Iterator[Conclusion]:
 
 def _of_spread(spread: Spread, label: str, unit: str, words: str, **more: Any) -> Conclusion:
     """A median with its range in words."""
-    text, shown = spread.in_unit_that_fits(unit)
+    text, unit = spread.in_unit_that_fits(unit)
     value, _, scatter = text.partition(" (")
     scatter = f"{scatter.rstrip(')')} over {words}" if scatter else words
-    return Conclusion(label, value, "" if shown == "1" else shown, scatter, **more)
+    return Conclusion(label, value, "" if unit == "1" else unit, scatter, **more)
 
 
-def _from_starts(found: Findings, name: str, label: str, unit: str) -> list[Conclusion]:
+def _from_starts(findings: Findings, name: str, label: str, unit: str) -> list[Conclusion]:
     """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
-    count = found.starts_of_sweep
-    spreads = [(words, found.starts.get(start, {}).get(name)) for start, words in START_WORDS.items()]
+    count = findings.starts_of_sweep
+    spreads = [(words, findings.starts.get(start, {}).get(name)) for start, words in START_WORDS.items()]
     known = [(words, spread) for words, spread in spreads if spread is not None and _known(spread.median)]
     if not known:
         return []
     (words, first), *others = known
     note = "; ".join(f"{words}: {spread_text(spread, unit)}" for words, spread in others)
     # of a run the balls are drawn, and the structure is at rest
-    text = f"starts {words}" if count is None else f"{count} starts of the {found.carried}, the beam {words}"
+    text = f"starts {words}" if count is None else f"{count} starts of the {findings.carried}, the beam {words}"
     return [_of_spread(first, label, unit, text, note=note)]
 
 
 def _of_history(
-    found: Findings,
+    findings: Findings,
     history: HistorySummary,
     spread: Spread | None,
     value: float | None,
@@ -174,59 +169,59 @@ def _of_history(
     **more: Any,
 ) -> list[Conclusion]:
     """A quantity of the history: its median and range over several starts, else its value; none where it has none."""
-    if spread is not None and found.history_starts is not None and _known(spread.median):
-        words = f"{found.history_starts.count} starts of the {found.carried}"
+    if spread is not None and findings.history_starts is not None and _known(spread.median):
+        words = f"{findings.history_starts.count} starts of the {findings.carried}"
         return [_of_spread(spread, label, unit, words, **more)]
     if not _known(value):
         return []
     return [number_conclusion(label, value, unit, one_sample=history.peak_is_one_start, **more)]
 
 
-def _ratio(found: Findings) -> list[Conclusion]:
-    carried = found.carried
+def _ratio(findings: Findings) -> list[Conclusion]:
+    carried = findings.carried
     them = "them" if carried.endswith("s") or " and " in carried else "it"
     label = f"Peak without {carried} over peak with {them}"
-    several = _from_starts(found, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
-    several += _from_starts(found, "amplitude_ratio", label, "1")
-    if several or not _known(found.amplitude_ratio):
+    several = _from_starts(findings, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
+    several += _from_starts(findings, "amplitude_ratio", label, "1")
+    if several or not _known(findings.amplitude_ratio):
         return several
-    sample = any(curve.peak_is_one_start for curve in found.sweep.values())
-    return [Conclusion(label, _shown(found.amplitude_ratio), one_sample=sample)]
+    sample = any(curve.peak_is_one_start for curve in findings.sweep.values())
+    return [Conclusion(label, _four_digits(findings.amplitude_ratio), one_sample=sample)]
 
 
 DROP = "Equivalent damping by the drop of the peak"
 """With impacts the width of a peak is no damping."""
 
 
-def _damping(found: Findings) -> Iterator[Conclusion]:
-    empty, ball = found.sweep.get("empty"), found.sweep.get("ball")
+def _damping(findings: Findings) -> Iterator[Conclusion]:
+    empty, ball = findings.sweep.get("empty"), findings.sweep.get("ball")
     if empty is not None and _known(empty.damping_fit):
-        shown, words = _shown(100 * empty.damping_fit), ""
+        ratio, words = _four_digits(100 * empty.damping_fit), ""
         if all(map(math.isfinite, empty.damping_fit_interval)):
-            shown, low, high = interval_texts(*(100 * one for one in (empty.damping_fit, *empty.damping_fit_interval)))
+            ratio, low, high = interval_texts(*(100 * one for one in (empty.damping_fit, *empty.damping_fit_interval)))
             words = f"95 % interval {low} to {high} %"
         half, coarse = empty.damping_half_power, " (not resolved)" if empty.resolved is False else ""
         details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
-        label = f"Damping ratio without {found.carried}"
-        yield Conclusion(label, shown, "%", words, note="one-pole fit of the curve", details=details)
-    several = _from_starts(found, "damping_amplitude_ratio", DROP, "%")
+        label = f"Damping ratio without {findings.carried}"
+        yield Conclusion(label, ratio, "%", words, note="one-pole fit of the curve", details=details)
+    several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%")
     yield from several
     if not several and ball is not None and _known(ball.damping_amplitude_ratio):
         yield Conclusion(
             DROP,
-            _shown(100 * ball.damping_amplitude_ratio),
+            _four_digits(100 * ball.damping_amplitude_ratio),
             "%",
             one_sample=ball.peak_is_one_start,
-            note=f"damping without {found.carried} times the ratio",
+            note=f"damping without {findings.carried} times the ratio",
         )
 
 
-def _history(found: Findings) -> Iterator[Conclusion]:
+def _history(findings: Findings) -> Iterator[Conclusion]:
     """Of a history: its kind of motion, where it has a cycle, the peak at the tip, and every stress and moment.
 
     Over several starts each number is the median with its range.
     """
-    history, starts = found.history, found.history_starts
+    history, starts = findings.history, findings.history_starts
     if history is None:
         return
     cyclic, label = history.frequency is not None, history.regime.label
@@ -237,14 +232,16 @@ def _history(found: Findings) -> Iterator[Conclusion]:
     )
     # without a cycle nothing could repeat
     if cyclic or label == "no impacts":
-        rate = f"{_shown(history.impacts_per_cycle)} impacts in a cycle" if _known(history.impacts_per_cycle) else ""
+        rate = (
+            f"{_four_digits(history.impacts_per_cycle)} impacts in a cycle" if _known(history.impacts_per_cycle) else ""
+        )
         yield Conclusion("Kind of motion", label, scatter=rate, note=at)
     over = f"over the last third of the cycles {at}" if cyclic else history.window_of_peaks
     of_peak, of_rms = (None, None) if starts is None else (starts.peak, starts.rms)
     rms = history_words(of_rms, history.rms, "m")
     details = (f"rms {rms} over the last third{f'; the motion is {history.steadiness}' if cyclic else ''}",)
     yield from _of_history(
-        found,
+        findings,
         history,
         of_peak,
         history.peak,
@@ -258,19 +255,19 @@ def _history(found: Findings) -> Iterator[Conclusion]:
             spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
             when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
             yield from _of_history(
-                found, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
+                findings, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
             )
 
 
-def _contacts(found: Findings) -> Iterator[Conclusion]:
-    history, starts = found.history, found.history_starts
+def _contacts(findings: Findings) -> Iterator[Conclusion]:
+    history, starts = findings.history, findings.history_starts
     if starts is None:
-        yield from _from_starts(found, "cycle_mean_force", "Cycle-averaged contact force", "N")
-        yield from _from_starts(found, "peak_force", "Largest contact force", "N")
+        yield from _from_starts(findings, "cycle_mean_force", "Cycle-averaged contact force", "N")
+        yield from _from_starts(findings, "peak_force", "Largest contact force", "N")
     if history is None:
         return
     averaged = "Mean" if history.frequency is None else "Cycle-averaged"
-    for name, contact in found.contacts.items():
+    for name, contact in findings.contacts.items():
         if contact.impacts == 0:
             yield Conclusion(f"Impacts of {name}", "none", note="in the run")
             continue
@@ -283,7 +280,7 @@ def _contacts(found: Findings) -> Iterator[Conclusion]:
         impulse = history_words(spreads.get("mean_impulse"), contact.mean_impulse, "N s")
         details = (*([f"mean impulse {impulse} {third}"] if impulse else []), _restitution(contact))
         yield from _of_history(
-            found,
+            findings,
             history,
             spreads.get(key),
             getattr(contact, key),
@@ -293,7 +290,7 @@ def _contacts(found: Findings) -> Iterator[Conclusion]:
             details=details,
         )
         yield from _of_history(
-            found,
+            findings,
             history,
             spreads.get("cycle_mean_force"),
             contact.cycle_mean_force,
@@ -316,16 +313,16 @@ def _restitution(contact: ContactSummary) -> str:
     )
 
 
-def _frequencies(found: Findings) -> Iterator[Conclusion]:
-    for case, words in (("empty", f"without {found.carried}"), ("glued", "with the balls glued on")):
-        for first in found.natural_frequency.get(case, ())[:1]:
+def _frequencies(findings: Findings) -> Iterator[Conclusion]:
+    for case, words in (("empty", f"without {findings.carried}"), ("glued", "with the balls glued on")):
+        for first in findings.natural_frequency.get(case, ())[:1]:
             yield number_conclusion("First natural frequency", first, "Hz", note=words)
 
 
-def _energy(found: Findings) -> Iterator[Conclusion]:
-    if _known(found.energy_residual):
+def _energy(findings: Findings) -> Iterator[Conclusion]:
+    if _known(findings.energy_residual):
         note = "of the energy put in: a check of the computation"
-        yield Conclusion("Energy unaccounted for", typeset_number(100 * found.energy_residual, 2), "%", note=note)
+        yield Conclusion("Energy unaccounted for", typeset_number(100 * findings.energy_residual, 2), "%", note=note)
 
 
 def convergence_conclusions(
@@ -336,7 +333,7 @@ def convergence_conclusions(
     if columns is None or not {"axis", "quantity", "recommended", "expected_order"} <= set(columns):
         return ()
     words = {"mesh": "elements", "step": "steps in the first period", "modes": "modes"}
-    axes, found = np.asarray(columns["axis"]), []
+    axes, conclusions = np.asarray(columns["axis"]), []
     recommended, order = (np.asarray(columns[name], dtype=float) for name in ("recommended", "expected_order"))
     for axis in dict.fromkeys(axes.tolist()):
         mine = (axes == axis) & np.isfinite(order)
@@ -351,7 +348,7 @@ def convergence_conclusions(
             else "for every quantity that has an order"
         )
         asked = f"for a relative error of {accuracy:g}, " if isinstance(accuracy, float) else ""
-        found.append(
+        conclusions.append(
             Conclusion(
                 f"Needed: {words.get(axis, axis)}",
                 f"{recommended[worst]:.0f}",
@@ -359,7 +356,7 @@ def convergence_conclusions(
                 note=f"most for {columns['quantity'][worst]}",
             )
         )
-    return tuple(found)
+    return tuple(conclusions)
 
 
 # ---- of a parameter study ------------------------------------------------------------------------
@@ -395,14 +392,14 @@ def study_lead(data: xarray.Dataset) -> list[str]:
 def _axes(data: xarray.Dataset) -> Iterator[str]:
     """Every axis with its reach."""
     for name in axis_names(data):
-        words, names, found = axis_words(data, name), value_words(data, name), data[name].to_numpy()
+        words, names, values = axis_words(data, name), value_words(data, name), data[name].to_numpy()
         if names is not None:
             distinct = list(dict.fromkeys(names))
             more = f" and {len(distinct) - MOST_NAMES} more" if len(distinct) > MOST_NAMES else ""
             yield f"{words}: {'; '.join(distinct[:MOST_NAMES])}{more}{_unit_of_labels(data, name)}"
             continue
-        low, high = (_text(value, data[name].attrs) for value in (found.min(), found.max()))
-        yield f"{words}: {low} to {high}, {np.unique(found).size} values"
+        low, high = (_text(end, data[name].attrs) for end in (values.min(), values.max()))
+        yield f"{words}: {low} to {high}, {np.unique(values).size} values"
 
 
 def _unit_of_labels(data: xarray.Dataset, name: str) -> str:
@@ -421,8 +418,8 @@ def study_conclusions(
     resonance.
     """
     names = [name for name in measure_names(data) if name not in best and (name in reasons or not best)]
-    found = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
-    for name in names[: MOST_MEASURES - len(found)]:
+    conclusions = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
+    for name in names[: MOST_MEASURES - len(conclusions)]:
         values = data[name]
         array = values.to_numpy()
         least, most = (
@@ -435,8 +432,8 @@ def study_conclusions(
                 (word, at), (other, end) = (other, end), (word, at)
             rest = f"no best case: {reasons[name]}; the {other} of all cases is {_text(array[end], values.attrs)}"
         label = f"{word.capitalize()} {name.replace('_', ' ')}"
-        found.append(_of_case(data, name, at, label, f"at {_place(data, values.dims, at)}; {rest}"))
-    return tuple(found)
+        conclusions.append(_of_case(data, name, at, label, f"at {_place(data, values.dims, at)}; {rest}"))
+    return tuple(conclusions)
 
 
 def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
@@ -447,13 +444,13 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
     other, find = ("smallest", np.nanargmin) if best.better == "large" else ("largest", np.nanargmax)
     most = np.unravel_index(int(find(array)), array.shape)
     rest = f"the {other} is {_text(array[most], values.attrs)}, at {_place(data, values.dims, most)}"
-    shown = best.designs[:MOST_NAMED]
-    for design in shown:
+    named = best.designs[:MOST_NAMED]
+    for design in named:
         level = f"for {told(best, design.at, names)}: " if design.at else ""
         if design.reason:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
-        more = more_designs(best) if design is shown[-1] else ""
+        more = more_designs(best) if design is named[-1] else ""
         note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
@@ -465,14 +462,14 @@ def _of_case(
     """The value of a measure in one case, with its range over the starts."""
     attributes, value, starts = data[measure].attrs, float(data[measure].to_numpy()[at]), int(data.attrs["starts"])
     unit = attributes.get("units", "1")
-    factor, shown = SHOWN_IN.get(unit, (1.0, unit))
+    factor, unit = SHOWN_IN.get(unit, (1.0, unit))
     scatter = ""
     if starts > 1 and f"{measure}_low" in data:
         low, high = (_text(data[f"{measure}{end}"].to_numpy()[at], attributes) for end in ("_low", "_high"))
         scatter = f"{low} to {high} over {starts} starts"
     sample = bool(single_samples(data)[at]) and not scatter
     number = typeset_number(factor * value, zeros=True)
-    return Conclusion(label, number, unit_words(value, shown), scatter, sample, note, details)
+    return Conclusion(label, number, unit_words(value, unit), scatter, sample, note, details)
 
 
 def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
@@ -484,8 +481,8 @@ def _place(data: xarray.Dataset, dims: tuple[Any, ...], index: Any) -> str:
 def _value(one: xarray.Dataset, name: str) -> str:
     """The value of an axis in one case."""
     names = value_words(one, name)
-    shown = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_labels(one, name)}"
-    return f"{axis_words(one, name)} {shown}"
+    text = _text(one[name].item(), one[name].attrs) if names is None else f"{names[0]}{_unit_of_labels(one, name)}"
+    return f"{axis_words(one, name)} {text}"
 
 
 def _text(value: Any, attributes: Mapping[str, Any]) -> str:
@@ -512,10 +509,10 @@ def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
     return (*lines, *filter(None, [data.attrs.get("warnings")]))
 
 
-def study_versions(data: xarray.Dataset) -> dict[str, Any]:
-    """Versions and seeds of a study, by the names that a summary has for them."""
-    versions = {name: data.attrs[name] for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
+def study_versions(data: xarray.Dataset) -> Findings:
+    """Versions and seeds of a parameter study, which has no summary."""
+    versions = {name: str(data.attrs[name]) for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
     starts = int(data.attrs["starts"])
     seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
     seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
-    return {"versions": versions, "seeds": seeds}
+    return Findings(versions=versions, seeds=tuple(seeds))

@@ -31,7 +31,6 @@ from femimpact.app.report.result_conclusions import (
     study_lead,
     study_missing,
     study_versions,
-    texts_of,
 )
 from femimpact.app.report.structure_drawing import structure_element, structure_words
 from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, sections_of, spectra_of
@@ -47,8 +46,7 @@ from femimpact.app.results.result_directory import (
     purpose_of,
     result_files,
 )
-from femimpact.app.results.results import carried_of
-from femimpact.app.study.findings import START_WORDS, Findings
+from femimpact.app.study.findings import START_WORDS, Findings, joined
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study
 from femimpact.errors import require, require_path
@@ -112,7 +110,7 @@ def add_report(
 
 def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) -> Page:
     """The report of a directory of results."""
-    summary, study = results.summary, results.study
+    findings, study = results.findings, results.study
     structure, system = (None, None) if study is None else (study.structure, results.system)
     drawing = None
     if structure is not None and system is not None:
@@ -125,31 +123,30 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     studied, about = _of_parameter_study(results)
     records, refused = records_of(results, best[0])
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
-    made = sections_of(records, beside, miss=results.miss, drawn=drawn)
-    first = [section for section in made if section.key == "best"]
-    sections = [section for section in made if section.key != "best"]
+    sections = sections_of(records, beside, miss=results.miss, drawn=drawn)
+    first = [section for section in sections if section.key == "best"]
+    sections = [section for section in sections if section.key != "best"]
     data = results.parameter_study
     many_starts = data is not None and int(data.attrs.get("starts", 1)) > 1
-    sections.append(about_section(summary or about, None if many_starts else study))
-    listed = results.attempt("list of files", lambda: files_section(results.folder, summary))
+    sections.append(about_section(joined(about, findings), None if many_starts else study))
+    listed = results.attempt("list of files", lambda: files_section(results.folder, findings.checksums))
     if listed is not None:
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
-    named, unnamed = summary.get("study"), "study" if data is None else "parameter study"
-    name = str(named).removesuffix(".toml") if named else unnamed
+    name = findings.study.removesuffix(".toml") or ("study" if data is None else "parameter study")
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
     given_title, by = _head(*head)
     return Page(
         title=given_title or title,
         by=by,
-        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, results.findings)),
+        lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, findings)),
         drawing=drawing,
         conclusions=conclusions,
         missing=tuple(results.missing),
         warnings=result_warnings(results),
-        notes=texts_of(summary.get("notes")),
+        notes=findings.notes,
         sections=tuple(sections),
         first=(*first, *_next_step(results.folder)),
     )
@@ -169,26 +166,26 @@ def _next_step(folder: Path) -> list[Section]:
 
 def _varied(study: Study) -> dict[str, list[str]]:
     """Fields that the axes of a study vary, by their parts as "impactor.ball"; "restitution" of a contact's."""
-    found: dict[str, list[str]] = {}
+    fields: dict[str, list[str]] = {}
     for path in study.plan.axes if study.plan is not None else ():
         part, _, name = path.replace(".contact.", ".").rpartition(".")
-        found.setdefault(part, []).append(name.replace("_", " "))
-    return found
+        fields.setdefault(part, []).append(name.replace("_", " "))
+    return fields
 
 
-def _of_parameter_study(results: ResultReading) -> tuple[list[str], Mapping[str, Any]]:
+def _of_parameter_study(results: ResultReading) -> tuple[list[str], Findings]:
     """Sentences and versions of a parameter study; cases that were not run are missing."""
     data, study, name = results.parameter_study, results.study, FILES["parameter_study"].name
     if data is None:
         if (results.folder / STUDY_BLOCKS).is_dir() and not (results.folder / name).exists():
             results.miss(f"{name}: the parameter study was not finished; the same femimpact study goes on with it")
-        return [], {}
+        return [], Findings()
     for text in results.attempt(name, lambda: study_missing(data)) or ():
         results.miss(text)
     lead = results.attempt(name, lambda: study_lead(data)) or []
     if study is not None and isinstance(study.excitation, SteppedSine):
         lead.append("A case has one value over all dwells; a sine with the axis base.frequency has one at each.")
-    return lead, results.attempt(name, lambda: study_versions(data)) or {}
+    return lead, results.attempt(name, lambda: study_versions(data)) or Findings()
 
 
 def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Measure]:
@@ -201,35 +198,35 @@ def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Me
     ]
 
 
-def _head(*given: str) -> tuple[str, str]:
+def _head(*texts: str) -> tuple[str, str]:
     """Title that the study gives its report, and a line with author and date; each empty where it gives none."""
-    title, *by = (" ".join(words.split()) for words in given)
+    title, *by = (" ".join(words.split()) for words in texts)
     return title, ", ".join(filter(None, by))
 
 
-def _lead(study: Study | None, found: Findings) -> list[str]:
+def _lead(study: Study | None, findings: Findings) -> list[str]:
     """Sentences on what was computed."""
-    if study is None or found.problems:
-        return [f"{problem}." for problem in found.problems]
-    said = [f"History: {study.history_words}." if found.history is not None else ""]
+    if study is None or findings.problems:
+        return [f"{problem}." for problem in findings.problems]
+    sentences = [f"History: {study.history_words}." if findings.history is not None else ""]
     base = ""
     if study.kind == "sine":
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
-    if found.sweep and study.sweep is not None:
+    if findings.sweep and study.sweep is not None:
         plan = study.sweep
-        said.append(
+        sentences.append(
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
             f"resonance; {plan.cycles} cycles at each frequency."
         )
-    if found.orbits is not None and study.orbits is not None:
-        low, high = (unit_text(value, found.orbits.unit) for value in study.orbits.range)
+    if findings.orbits is not None and study.orbits is not None:
+        low, high = (unit_text(value, findings.orbits.unit) for value in study.orbits.range)
         drive = words_of(study.excitation)
-        said.append(f"Periodic orbits over {found.orbits.parameter} from {low} to {high}; drive: {drive}.")
+        sentences.append(f"Periodic orbits over {findings.orbits.parameter} from {low} to {high}; drive: {drive}.")
     kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
-    steps = f", step {1e3 * found.step:.4g} ms" if found.step is not None else ""
-    said.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
-    return [text for text in said if text]
+    steps = f", step {1e3 * findings.step:.4g} ms" if findings.step is not None else ""
+    sentences.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
+    return [text for text in sentences if text]
 
 
 # ---- records ---------------------------------------------------------------------------------------
@@ -365,18 +362,18 @@ def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], fil
 
 def _plain_column(values: Any) -> list[Any]:
     """A column of texts with those that are numbers as numbers."""
-    found: list[Any] = []
+    cells: list[Any] = []
     for one in np.asarray(values).tolist():
         try:
-            found.append(float(f"{float(one):.6g}"))
+            cells.append(float(f"{float(one):.6g}"))
         except ValueError:
-            found.append(one or None)
-    return found
+            cells.append(one or None)
+    return cells
 
 
 def _modes(results: ResultReading) -> Beside:
     """Table of the modes, from its file or from the modes themselves."""
-    title = f"Modes without {carried_of(results.summary)}"
+    title = f"Modes without {results.findings.carried}"
     tables = _of_file(results, "modes", partial(_mode_table, title))
     if tables or results.modes is None:
         return [*tables]
@@ -433,29 +430,23 @@ def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mappin
     return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
 
 
-def about_section(summary: Mapping[str, Any], study: Study | None) -> Section:
+def about_section(findings: Findings, study: Study | None) -> Section:
     """Versions, the compiled core, seeds and start of the results."""
-    rows: list[tuple[str, str]] = []
-    versions, core = summary.get("versions"), summary.get("core")
-    if isinstance(versions, Mapping):
-        rows += [(str(name), str(version)) for name, version in versions.items()]
-    if isinstance(core, Mapping):
+    core = findings.core
+    rows = list(findings.versions.items()) or [("versions", "not known: the results do not say")]
+    if core:
         words = ", ".join(f"{name} {core[name]}" for name in ("target", "compiler", "kind") if name in core)
         rows.append(("compiled core", words))
         if "sources" in core:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
-    seeds = summary.get("seeds")
-    words = "; ".join(map(str, seeds)) if isinstance(seeds, list | tuple) else ""
-    rows.append(("seeds", words or "none: no random numbers were used"))
+    rows.append(("seeds", "; ".join(findings.seeds) or "none: no random numbers were used"))
     if study is not None:
         rows.append(("start", START_WORDS[study.start]))
-    if not isinstance(versions, Mapping):
-        rows.insert(0, ("versions", "not known: the results do not say"))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]
     return Section("versions", "Versions and seeds", (element("dl.about", *pairs),))
 
 
-def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tuple[str, ...]]:
+def files_section(folder: Path, checksums: Mapping[str, str]) -> tuple[Section, tuple[str, ...]]:
     """The files of results with what each is for, and lines for those that are lost."""
     present = {*result_files(folder), REPORT}
     # the report changes its size and that of the summary
@@ -473,8 +464,8 @@ def files_section(folder: Path, summary: Mapping[str, Any]) -> tuple[Section, tu
     groups: dict[str, list[tuple[str, str, str]]] = {group: [] for group in FILE_GROUPS}
     for row in sorted(rows):
         groups[_group_of(row[0])].append(row)
-    shown = [_table_of_files(group, found) for group, found in groups.items() if found]
-    return Section("files", "Files", tuple(shown)), _lost(summary, present)
+    tables = [_table_of_files(group, files) for group, files in groups.items() if files]
+    return Section("files", "Files", tuple(tables)), _lost(checksums, present)
 
 
 FILE_GROUPS = ("Numbers and study", "Pictures and movie", "ParaView")
@@ -509,9 +500,8 @@ def _table_of_files(group: str, rows: Sequence[tuple[str, str, str]]) -> Element
     return folded
 
 
-def _lost(summary: Mapping[str, Any], present: set[str]) -> tuple[str, ...]:
-    known = summary.get("checksums")
-    lost = sorted(set(map(str, known)) - present) if isinstance(known, Mapping) else []
+def _lost(checksums: Mapping[str, str], present: set[str]) -> tuple[str, ...]:
+    lost = sorted(set(checksums) - present)
     if not lost:
         return ()
     more = f" and {len(lost) - 5} more" if len(lost) > 5 else ""

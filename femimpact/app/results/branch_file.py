@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femimpact.app.results.result_directory import FILES
-from femimpact.app.results.results import read_file, undamaged
+from femimpact.app.results.results import undamaged
 from femimpact.arrays import Array
 from femimpact.errors import faults_of, quantity, require, require_path, takes
 from femimpact.files import load_netcdf
@@ -103,17 +101,8 @@ def dataset_of(followed: FollowedBranches) -> xarray.Dataset:
     )
 
 
-def read_followed(folder: Path, summary: Mapping[str, Any]) -> FollowedBranches | None:
-    """The branches in a directory of results; None where they have none.
-
-    Raises `InputError` if the file is damaged.
-    """
-    name = FILES["branches"].name
-    data = read_file(folder, name, summary)
-    return None if data is None else undamaged(folder / name, lambda _: _followed_in(data))
-
-
-def _followed_in(data: xarray.Dataset) -> FollowedBranches:
+def followed_in(data: xarray.Dataset) -> FollowedBranches:
+    """The branches of a file of several."""
     swept = (np.asarray(data["swept"]), np.asarray(data["swept_peak"])) if "swept" in data.coords else None
     origins, cycles = (np.asarray(data[name]).tolist() for name in ("origin", "cycles"))
     return FollowedBranches(int(data.attrs["modes"]), branches_of(data), origins, cycles, swept)

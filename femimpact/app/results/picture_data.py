@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from femimpact.app.results.branch_file import FollowedBranches, read_followed
+from femimpact.app.results.branch_file import FollowedBranches, followed_in
 from femimpact.app.results.result_directory import FILES, SUMMARY, ResultsWarning, unfinished_state
-from femimpact.app.results.results import carried_of, read_file, read_summary
+from femimpact.app.results.results import read_file, read_summary
 from femimpact.app.study.findings import START_WORDS, Findings, read_findings
 from femimpact.app.study.study import Study, build_systems
 from femimpact.app.study.study_file import load_study
@@ -162,7 +162,6 @@ class ResultReading:
     """A directory of results with the data read from it, and notes on what could not be read."""
 
     folder: Path  # with the files
-    summary: dict[str, Any]  # empty where there is none
     as_run: Study | None = None  # the study; that of its file by default, which no law of one's own can be read from
     missing: list[str] = field(default_factory=list)  # what could not be read or is not as it was, and why
     failures: list[str] = field(default_factory=list)  # what could not be read
@@ -199,7 +198,7 @@ class ResultReading:
 
     def table(self, name: str, group: str | None = None) -> Any:
         """A file of the results, as `read_file`; None where there is none, or it cannot be read."""
-        return self.attempt(name, lambda: read_file(self.folder, name, self.summary, group))
+        return self.attempt(name, lambda: read_file(self.folder, name, self.findings.checksums, group))
 
     def units(self, name: str) -> dict[str, str]:
         """Units of the columns of a table that was read."""
@@ -215,8 +214,12 @@ class ResultReading:
 
     @cached_property
     def findings(self) -> Findings:
-        """What the summary says; nothing where it is damaged."""
-        return self.attempt(SUMMARY, lambda: read_findings(self.summary)) or Findings()
+        """What the summary says, without those of its keys that are damaged; nothing where there is none."""
+        there = (self.folder / SUMMARY).exists()
+        summary = (self.attempt(SUMMARY, lambda: read_summary(self.folder)) if there else None) or {}
+        # key by key: a page shows what is sound, and its warnings above all
+        sound = [key for key in summary if self.attempt(SUMMARY, partial(read_findings, {key: summary[key]}))]
+        return read_findings({key: summary[key] for key in sound})
 
     @cached_property
     def system(self) -> DrawnSystem | None:
@@ -255,7 +258,10 @@ class ResultReading:
     @cached_property
     def curves(self) -> SweptCurves | None:
         """Response curves by words for their cases, with the even grid."""
-        return self.attempt(FILES["sweep_data"].name, lambda: read_curves(self.folder, self.summary))
+        return self.of_file("sweep_data", self._curves)
+
+    def _curves(self, data: xarray.Dataset) -> SweptCurves:
+        return curves_of(data, self.findings, self.table(FILES["curves_of_starts"].name) or {})
 
     @cached_property
     def ranges(self) -> list[StartRanges]:
@@ -271,7 +277,7 @@ class ResultReading:
     @cached_property
     def followed(self) -> FollowedBranches | None:
         """Branches of periodic orbits."""
-        return self.attempt(FILES["branches"].name, lambda: read_followed(self.folder, self.summary))
+        return self.of_file("branches", followed_in)
 
     @cached_property
     def film(self) -> Response | None:
@@ -332,12 +338,16 @@ class ResultReading:
 
     def _response(self, time: Any, system: DrawnSystem) -> Response:
         """A response without channels: its times, its impacts, its drive and its system."""
-        sticking, nothing = read_file(self.folder, FILES["sticking"].name, self.summary), _no_statistics()
+        sticking, impacts = (
+            read_file(self.folder, FILES[key].name, self.findings.checksums) for key in ("sticking", "impact_data")
+        )
+        require(impacts is not None, "file", FILES["impact_data"].name, "", "is missing")
+        nothing = _no_statistics()
         return Response(
             time=np.asarray(time, dtype=float),
             channels={},
             units={},
-            impacts=_impacts(self.folder, self.summary),
+            impacts=_impacts(impacts),
             sticking=StickingPhases.none() if sticking is None else StickingPhases(**sticking),
             statistics=nothing,
             statistics_of=dict.fromkeys((pair.name for pair in system.contacts), nothing),
@@ -350,10 +360,8 @@ class ResultReading:
 
 
 def read_results(folder: Path, study: Study | None = None) -> ResultReading:
-    """A directory of results with its summary; that it is unfinished is missing from it."""
-    results = ResultReading(folder, {}, study)
-    if (folder / SUMMARY).exists():
-        results.summary.update(results.attempt(SUMMARY, lambda: read_summary(folder)) or {})
+    """A directory of results; that it is unfinished is missing from it."""
+    results = ResultReading(folder, study)
     state = results.attempt("directory", lambda: unfinished_state(folder))
     if state:
         results.miss(state.replace(str(folder), "DIR"))
@@ -382,10 +390,7 @@ WORK_OF = "energy_work_of_"
 """Beginning of the variables of a history that are the work of one of several drives."""
 
 
-def _impacts(folder: Path, summary: Mapping[str, Any]) -> Impacts:
-    data = read_file(folder, FILES["impact_data"].name, summary)
-    require(data is not None, "file", str(folder / FILES["impact_data"].name), "", "is missing")
-    data = cast("xarray.Dataset", data)
+def _impacts(data: xarray.Dataset) -> Impacts:
     columns = {name: data[name].to_numpy() for name in IMPACT_UNITS if name not in DERIVED}
     columns["impactor"] = columns["impactor"].astype(str)
     modes = data["energy_to_modes"].to_numpy() if "energy_to_modes" in data else np.zeros((columns["time"].size, 0))
@@ -401,11 +406,12 @@ DERIVED = ("contact_law", "energy_to_higher_modes")
 # ---- sweep ----------------------------------------------------------------------------------------
 
 
-def read_curves(folder: Path, summary: Mapping[str, Any]) -> SweptCurves | None:
-    """Response curves by words for their cases, with the even grid; None where the results have no sweep."""
-    data = read_file(folder, FILES["sweep_data"].name, summary)
-    if data is None:
-        return None
+def curves_of(
+    data: xarray.Dataset,
+    findings: Findings,
+    of_starts: Mapping[str, Any],  # columns of the peaks of several starts; empty without them
+) -> SweptCurves:
+    """Response curves by words for their cases, with the even grid and the ranges of several starts."""
     curves = {}
     for case in data["case"].to_numpy():
         one = data.sel(case=case)
@@ -422,32 +428,32 @@ def read_curves(folder: Path, summary: Mapping[str, Any]) -> SweptCurves | None:
             if attribute in data.attrs:
                 dwell[name] = data.attrs[attribute].item()
         curves[str(case)] = FrequencyResponse(**columns, **about, **dwell, **level, law="")
-    frequency, carried = data["frequency"].to_numpy(), carried_of(summary)
+    frequency, carried = data["frequency"].to_numpy(), findings.carried
     words = {"empty": f"without {carried}", "ball": f"with {carried}"}
     named = {words[case]: curves[case] for case in words if case in curves}
-    return SweptCurves(named, frequency[data["grid"].to_numpy() == "even"], read_bands(folder, summary))
+    return SweptCurves(named, frequency[data["grid"].to_numpy() == "even"], bands_of(of_starts, findings))
 
 
-def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis: str, summary: Mapping[str, Any] | None,
+def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis: str, orders: Mapping[str, Any] | None,
                      accuracy: float) -> ConvergenceTable:  # fmt: skip
-    """The table that its columns and its rows of the summary of all tables were written from.
+    """The table that its columns and its rows of the orders of all tables were written from.
 
-    Without a summary, as of statistics over several starts, names and units are those of the columns, and orders are
+    Without orders, as of statistics over several starts, names and units are those of the columns, and orders are
     not known.
     """
     keys = [name.removesuffix("_error") for name in columns if name.endswith("_error")]
     cases = np.asarray(columns["number"], dtype=float).size
-    mine = None if summary is None else np.asarray(summary["axis"]) == axis
+    mine = None if orders is None else np.asarray(orders["axis"]) == axis
 
     def each(ending: str) -> Array:
         missing = np.zeros(cases)
         return np.stack([np.asarray(columns.get(f"{key}{ending}", missing), dtype=float) for key in keys], axis=1)
 
-    def of_summary(name: str) -> Any:
-        if mine is None or summary is None:
+    def of_orders(name: str) -> Any:
+        if mine is None or orders is None:
             # the finest case is the reference of statistics
             return each("")[-1] if name == "reference" else np.full(len(keys), math.nan)
-        return np.asarray(summary[name], dtype=float)[mine]
+        return np.asarray(orders[name], dtype=float)[mine]
 
     names = np.array([key.replace("_", " ") for key in keys])
     return ConvergenceTable(
@@ -456,24 +462,23 @@ def read_convergence(columns: Mapping[str, Any], units: Mapping[str, str], axis:
         number=np.asarray(columns["number"], dtype=float),
         size=np.asarray(columns["size"], dtype=float),
         failure=np.asarray(columns["failure"]).astype(str),
-        name=names if mine is None or summary is None else np.asarray(summary["quantity"])[mine],
+        name=names if mine is None or orders is None else np.asarray(orders["quantity"])[mine],
         unit=np.array([units.get(key, "1") for key in keys]),
         value=each(""),
         error=each("_error"),
         order=each("_order"),
         scatter=each("_scatter"),
-        **{name: of_summary(name) for name in ("fitted_order", "expected_order", "reference", "floor", "recommended")},
+        **{name: of_orders(name) for name in ("fitted_order", "expected_order", "reference", "floor", "recommended")},
         accuracy=accuracy,
     )
 
 
-def read_bands(folder: Path, summary: Mapping[str, Any]) -> list[tuple[str, Array, Array, Array]]:
+def bands_of(columns: Mapping[str, Any], findings: Findings) -> list[tuple[str, Array, Array, Array]]:
     """Words, frequencies (Hz), smallest and largest peaks (m) of several starts in the first frame; else none."""
-    columns = read_file(folder, FILES["curves_of_starts"].name, summary)
-    if columns is None:
+    start = next((start for start in START_WORDS if f"{start}_peak" in columns), None)
+    if start is None:
         return []
-    count, carried = summary.get("starts_of_sweep"), carried_of(summary)
-    start = next(start for start in START_WORDS if f"{start}_peak" in columns)
+    count, carried = findings.starts_of_sweep, findings.carried
     words = f"{count} starts of the {carried}" if count else f"starts {START_WORDS[start]}"
     low, high = columns[f"{start}_peak_low"], columns[f"{start}_peak_high"]
     return [(f"with {carried}, {words}", columns["frequency"], low, high)]

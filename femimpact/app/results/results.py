@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,6 +22,7 @@ from femimpact.app.results.result_directory import (
     result_files,
     unfinished_state,
 )
+from femimpact.app.study.findings import Findings, read_findings, summary_of
 from femimpact.errors import Fault, InputError, require, require_path
 from femimpact.files import atomic_path, load_netcdf, read_csv, write_json
 from femimpact.files import plain as plain_data
@@ -38,8 +39,8 @@ IDENTIFIED = ("identify.json", "identify.png")
 
 T = TypeVar("T")
 
-CHECKSUMS, SUMMARY_CHECKSUM = "checksums", "checksum"
-"""Keys of the summary: of every other file, and of the summary without this key (SHA-256)."""
+SUMMARY_CHECKSUM = "checksum"
+"""Key of the summary: SHA-256 of the summary without this key."""
 
 
 @short_repr
@@ -51,7 +52,7 @@ class StudyResults:
     ----------
     directory : Path
     summary : mapping
-        `summary.json`.
+        `summary.json`, as it stands in the file.
     modes, impacts, sticking, bifurcations : mapping of str to ndarray, or None
         Tables by column; no sticking where nothing stuck. The last one is of branches of periodic orbits.
     sweep, history, impact_data, branches : xarray.Dataset or None
@@ -75,7 +76,7 @@ class StudyResults:
         data = {name: getattr(self, name) for name in ("sweep", "history", "impact_data", "branches")}
         values = {name: ", ".join(table) for name, table in tables.items() if table is not None}
         values |= {name: ", ".join(map(str, found.data_vars)) for name, found in data.items() if found is not None}
-        values["warnings"] = "; ".join(self.summary.get("warnings", [])) or "none"
+        values["warnings"] = "; ".join(read_findings(self.summary).warnings) or "none"
         return head_of_values(f"StudyResults: {self.directory}", values)
 
 
@@ -89,7 +90,8 @@ def load(directory: str | Path) -> StudyResults:
     Raises
     ------
     InputError
-        If the directory holds no results or unfinished ones, or a file is missing or cannot be read.
+        If the directory holds no results or unfinished ones, a file is missing or cannot be read, or a key of the
+        summary is damaged.
 
     Warns
     -----
@@ -106,9 +108,10 @@ def load(directory: str | Path) -> StudyResults:
     require_path(directory, "directory", "a directory")
     folder = Path(directory)
     summary = read_summary(folder)
+    checksums = read_findings(summary).checksums
     names = {name: FILES[key].name for name, key in READ.items()}
-    contents: dict[str, Any] = {name: read_file(folder, file, summary) for name, file in names.items()}
-    _check_others(folder, summary, set(names.values()))
+    contents: dict[str, Any] = {name: read_file(folder, file, checksums) for name, file in names.items()}
+    _check_others(folder, checksums, set(names.values()))
     return StudyResults(folder, summary, **contents)
 
 
@@ -119,9 +122,9 @@ READ = {
 """Files of `StudyResults`, by its fields and their keys in `FILES`."""
 
 
-def _check_others(folder: Path, summary: Mapping[str, Any], read: set[str]) -> None:
+def _check_others(folder: Path, checksums: Mapping[str, str], read: set[str]) -> None:
     """Warn of files of the results that are lost or changed, but for those that were read."""
-    others = {name: expected for name, expected in summary.get(CHECKSUMS, {}).items() if name not in read}
+    others = {name: expected for name, expected in checksums.items() if name not in read}
     lost = sorted(name for name in others if not (folder / name).is_file())
     if lost:
         shown = ", ".join(lost[:3]) + (f" and {len(lost) - 3} more" if len(lost) > 3 else "")
@@ -154,29 +157,23 @@ def read_summary(folder: Path) -> dict[str, Any]:
             summary = json.loads(file.read().decode("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path, _in_words(error)) from None
-    if not isinstance(summary, dict) or not isinstance(summary.get(CHECKSUMS, {}), dict):
+    if not isinstance(summary, dict):
         raise _damaged(path, "no summary of a study")
-    if CHECKSUMS in summary and summary.get(SUMMARY_CHECKSUM) != _of_summary(summary):
+    # before its keys are read as `Findings`
+    if "checksums" in summary and summary.get(SUMMARY_CHECKSUM) != _of_summary(summary):
         _warn_changed(path)
     return summary
 
 
-def carried_of(summary: Mapping[str, Any]) -> str:
-    """What the structure carries, in words: "ball", "absorber", ...; "ball" where the summary does not say."""
-    carried = summary.get("carried")
-    return carried if isinstance(carried, str) else "ball"
-
-
-def read_file(folder: Path, name: str, summary: Mapping[str, Any], group: str | None = None) -> Any:
+def read_file(folder: Path, name: str, checksums: Mapping[str, str], group: str | None = None) -> Any:
     """A table by column or a labelled dataset of the results, by the name of its file; None where they have none.
 
     Of a netCDF file it may be a group.
 
     Raises `InputError` if it is missing or cannot be read.
     """
-    path, sums = folder / name, summary.get(CHECKSUMS)
-    expected = None if sums is None else sums.get(name)
-    if sums is not None and expected is None:
+    path, expected = folder / name, checksums.get(name)
+    if checksums and expected is None:
         # of a part of a run that was ended before its summary was written
         return None
     if not path.exists():
@@ -246,14 +243,13 @@ def _of_summary(summary: Mapping[str, Any]) -> str:
 
 def write_summary(
     folder: Path,
-    summary: Mapping[str, Any],  # checksums in it are of files that are still as they were
+    findings: Findings,  # checksums in it are of files that are still as they were
 ) -> None:
     """Write the summary of the files in a folder, with their checksums."""
-    known = summary.get(CHECKSUMS, {})
     # the report is made again at any time
     names = (name for name in result_files(folder) if name not in (SUMMARY, REPORT))
-    sums = {name: known.get(name) or checksum(folder / name) for name in names}
-    plain = plain_data({**summary, CHECKSUMS: sums})
+    sums = {name: findings.checksums.get(name) or checksum(folder / name) for name in names}
+    plain = plain_data(summary_of(replace(findings, checksums=sums)))
     write_json(folder / SUMMARY, {**plain, SUMMARY_CHECKSUM: _of_summary(plain)})
 
 

@@ -108,10 +108,10 @@ def with_numbers(text: str, tables: Mapping[str, Any]) -> str:
     """The text of a study file with numbers in SI, as its tables have them, in place of the texts that they were."""
     quoted: list[str] = []
 
-    def marked(found: re.Match[str]) -> str:
-        if found[1] is None or found[2]:
-            return found[0]
-        quoted.append(found[1])
+    def marked(match: re.Match[str]) -> str:
+        if match[1] is None or match[2]:
+            return match[0]
+        quoted.append(match[1])
         return f'"@{len(quoted) - 1}"'
 
     def put(mark: Any, value: Any) -> None:
@@ -127,7 +127,7 @@ def with_numbers(text: str, tables: Mapping[str, Any]) -> str:
 
     put(tomllib.loads(QUOTED.sub(marked, text)), tables)
     numbers = iter(quoted)
-    return QUOTED.sub(lambda found: found[0] if found[1] is None or found[2] else next(numbers), text)
+    return QUOTED.sub(lambda match: match[0] if match[1] is None or match[2] else next(numbers), text)
 
 
 def label_of(item: Any, number: int) -> str:

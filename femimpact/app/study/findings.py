@@ -245,6 +245,8 @@ class Findings:
     points: Mapping[str, float] = field(default_factory=dict)  # m: places that a mesh file names
     seeds: tuple[str, ...] = ()  # of random numbers, each with what was drawn
     unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
+    pictures: Mapping[str, str] = field(default_factory=dict)  # what became of each kind of them
+    checksums: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of every file; none where they are not known
 
     @property
     def contacts(self) -> dict[str, ContactSummary]:

@@ -190,30 +190,30 @@ def is_part_of_path(given: Any) -> bool:
     return inner and not set(given) <= set(DISTRIBUTIONS)
 
 
-def axis_from(key: str, given: Any) -> AxisValues | Distribution:
-    """The values or the distribution that an axis is given as.
+def axis_from(key: str, axis: Any) -> AxisValues | Distribution:
+    """The values or the distribution of an axis.
 
     Parameters
     ----------
     key : str
         Key of the study file that faults name.
-    given : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
+    axis : sequence, mapping, frozen distribution of scipy's, AxisValues or Distribution
 
     Raises
     ------
     InputError
         If it is none of them, empty, repeated or not finite.
     """
-    if isinstance(given, (AxisValues, Distribution)):
-        return given
-    if isinstance(given, Mapping):
-        return _axis_of_table(key, given)
-    if hasattr(given, "ppf") and hasattr(given, "dist"):
-        numbers_of = (*given.args, *(value for _, value in sorted(given.kwds.items())))
-        return Distribution(str(given.dist.name), tuple(float(value) for value in numbers_of), given)
-    if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
-        raise InputError([Fault(key, given, "", AXIS)])
-    values = tuple(_value(key, value) for value in _entries(key, given))
+    if isinstance(axis, (AxisValues, Distribution)):
+        return axis
+    if isinstance(axis, Mapping):
+        return _axis_of_table(key, axis)
+    if hasattr(axis, "ppf") and hasattr(axis, "dist"):
+        numbers_of = (*axis.args, *(value for _, value in sorted(axis.kwds.items())))
+        return Distribution(str(axis.dist.name), tuple(float(value) for value in numbers_of), axis)
+    if isinstance(axis, (str, bytes)) or not isinstance(axis, Iterable):
+        raise InputError([Fault(key, axis, "", AXIS)])
+    values = tuple(_value(key, value) for value in _entries(key, axis))
     if not values:
         raise InputError([Fault(key, [], "", "must have one value or more")])
     known = set[Any]()
@@ -226,17 +226,17 @@ def axis_from(key: str, given: Any) -> AxisValues | Distribution:
     return AxisValues(values)
 
 
-def _entries(key: str, given: Iterable[Any]) -> list[Any]:
+def _entries(key: str, axis: Iterable[Any]) -> list[Any]:
     """The values as a list, of which no endless one is made."""
     try:
-        size = len(given) if isinstance(given, Sized) else 0
-        found = list(itertools.islice(given, MOST_POINTS + 1)) if size <= MOST_POINTS else []
+        size = len(axis) if isinstance(axis, Sized) else 0
+        values = list(itertools.islice(axis, MOST_POINTS + 1)) if size <= MOST_POINTS else []
     except Exception:
         # an object of another library may raise anything
-        raise InputError([Fault(key, given, "", AXIS)]) from None
-    if max(size, len(found)) > MOST_POINTS:
-        raise InputError([Fault(key, given, "", f"must have {MOST_POINTS} values or fewer")])
-    return found
+        raise InputError([Fault(key, axis, "", AXIS)]) from None
+    if max(size, len(values)) > MOST_POINTS:
+        raise InputError([Fault(key, axis, "", f"must have {MOST_POINTS} values or fewer")])
+    return values
 
 
 def _axis_of_table(key: str, given: Mapping[str, Any]) -> AxisValues | Distribution:

@@ -226,30 +226,30 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[
     missing = [name for name, table in TABLES.items() if table.required and name not in data]
     faults += [Fault(name, None, "", f"table [{name}] is missing") for name in missing]
     # with what is sound, so that faults between tables are found in the same pass
-    made: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for name, table in TABLES.items():
         if name in data:
             before = len(faults)
             read = partial(_base, folder=path.parent) if name == "base" else table.read
-            found = _table(name, read, table.many, data[name], faults)
-            if len(faults) == before and found is not None:
-                made |= found if name == "base" else {table.place: found}
-    structure, mesh = None, made.get("mesh")
-    if "structure.beam" in made:
-        parts = {place.removeprefix("structure."): made.pop(place) for place in list(made) if "." in place}
+            nouns = _table(name, read, table.many, data[name], faults)
+            if len(faults) == before and nouns is not None:
+                fields |= nouns if name == "base" else {table.place: nouns}
+    structure, mesh = None, fields.get("mesh")
+    if "structure.beam" in fields:
+        parts = {place.removeprefix("structure."): fields.pop(place) for place in list(fields) if "." in place}
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
-    if "base" in made and ("force" not in data or "forces" in made):
-        forces = made["forces"] = tuple(made.get("forces", ()))
-        _collected("", partial(check_drives, made["base"], forces, made["duration"]), faults)
+    if "base" in fields and ("force" not in data or "forces" in fields):
+        forces = fields["forces"] = tuple(fields.get("forces", ()))
+        _collected("", partial(check_drives, fields["base"], forces, fields["duration"]), faults)
     # what has no number in SI is no number of its field either
     keys = {fault.key for fault in of_units}
     faults = [*of_units, *(fault for fault in faults if fault.key not in keys)]
     if faults or structure is None:
         raise InputError(faults)
     absent: dict[str, Any] = {"reduction": None, "method": {}, "sweep": None, "output": Output()}
-    return Study(structure=structure, path=path, text=text, **{**absent, **made})
+    return Study(structure=structure, path=path, text=text, **{**absent, **fields})
 
 
 def _collected(prefix: str, make: Callable[[], Any], faults: list[Fault]) -> Any:

@@ -13,7 +13,7 @@ from femimpact.app.report.pictures import Report, draw_kinds, with_pictures
 from femimpact.app.report.result_page import add_report
 from femimpact.app.results.result_directory import FILES, new_file, new_results
 from femimpact.app.results.results import StudyResults, load, write_summary
-from femimpact.app.study.findings import Findings, joined, summary_of
+from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.files import atomic_write, write_csv, write_netcdf
@@ -58,20 +58,18 @@ def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> 
             findings = joined(joined(findings, finished.findings), Findings(warnings=tuple(texts)))
             written |= set(finished.files)
             left = tuple(part for part in left if part != finished.part)
-            write_summary(folder, summary_of(_without(findings, left)))
-        summary, drawn = summary_of(findings), dict[str, Element]()
-        figured, filmed = (
-            output.figures and bool(DRAWN & written),
-            output.movie and output.frames > 0 and "history" in written,
-        )
+            write_summary(folder, _without(findings, left))
+        drawn = dict[str, Element]()
+        figured = output.figures and bool(DRAWN & written)
+        filmed = output.movie and output.frames > 0 and "history" in written
         kinds = [kind for kind, asked in (("figures", figured), ("movie", filmed)) if asked]
         if kinds:
             ended = dict.fromkeys(kinds, "the run was ended before")
             # what they are drawn from stays with the results, should the run end now
-            write_summary(folder, with_pictures(summary, ended, directory))
+            write_summary(folder, with_pictures(findings, ended, directory))
             failures, drawn = draw_kinds(folder, kinds, report, task.study)
-            summary = with_pictures(summary, failures, directory)
-        write_summary(folder, summary)
+            findings = with_pictures(findings, failures, directory)
+        write_summary(folder, findings)
     if output.report:
         add_report(directory, report, task.study, drawn)
     return load(directory)
