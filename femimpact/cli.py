@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from femimpact.app.parametric.verb import StudyProgress
     from femimpact.app.report.pictures import Report
     from femimpact.app.study.study import Study
+    from femimpact.app.tasks.task import Task
 
 BESIDE = 3
 """Characters between two columns."""
@@ -146,6 +147,7 @@ app.register_install_completion_command(
 )
 
 Output = Annotated[Path | None, Parameter(name=["-o", "--output"], help="Directory of the results.")]
+Plan = Annotated[bool, Parameter(negative="", help="Print what would be computed and what it takes, and end.")]
 Force = Annotated[bool, Parameter(negative="", help="Replace results of the same names.")]
 Quiet = Annotated[
     bool,
@@ -261,17 +263,14 @@ def version() -> None:
 
 
 @app.command
-def demo(*, to: To = HERE) -> None:
+def demo(*, plan: Plan = False, to: To = HERE) -> None:
     """Run the paper's case from end to end, with the published figures beside ours.
 
     Example: femimpact demo -o my-demo
     """
-    from femimpact.app.demo import free_directory, run_demo
+    from femimpact.app.demo import free_directory, task_of_demo
 
-    directory = to.output or free_directory("femimpact-demo")
-    with _progress(to.quiet) as report:
-        run_demo(directory, force=to.force, report=report)
-    print_results(directory, to.quiet)
+    _do(task_of_demo(), free_directory("femimpact-demo"), plan, to)
 
 
 @app.command
@@ -321,32 +320,17 @@ def check(study: Path, *, strict: bool = False) -> None:
         is printed.
     """
     from femimpact.app.planned_test import lines_of_check
-    from femimpact.app.study.study_file import load_study, unit_lines
+    from femimpact.app.study.study_file import load_study
 
     with _waiting("check", quiet=False):
-        plan = load_study(study)
-        lines, found = lines_of_check(plan)
-        lines = [*unit_lines(plan), *lines]
-    if plan.plan is not None:
-        from femimpact.app.tasks.study_command import plan_lines as study_lines
-
-        lines += study_lines(plan)
-    if plan.orbits is not None:
-        from femimpact.app.tasks.branches import orbit_lines
-
-        lines += orbit_lines(plan)
-    for line in lines:
-        print(line)
-    warned = [line for line in lines if line.startswith("warning: ")]
-    if found.passed or warned:
-        print(_warnings_page())
-    passed = [row.what for row in found.passed] + warned
+        lines, passed = lines_of_check(load_study(study))
+    print(*lines, *([_warnings_page()] if passed else []), sep="\n")
     if strict and passed:
         _fail(f"check --strict: limits passed: {'; '.join(passed)}", 2)
 
 
 @app.command
-def modes(study: Path, *, animate: bool = False, to: To = HERE) -> None:
+def modes(study: Path, *, animate: bool = False, plan: Plan = False, to: To = HERE) -> None:
     """Natural frequencies, damping and effective masses, without the ball and with it glued on.
 
     Example: femimpact modes study.toml
@@ -356,66 +340,66 @@ def modes(study: Path, *, animate: bool = False, to: To = HERE) -> None:
     animate
         Leave each mode over its period for ParaView.
     """
-    _run(_study(study, to), "modes", to, ("modes",), animate)
+    _run(_study(study, to), "modes", ("modes",), plan, to, animate)
 
 
 @app.command
-def simulate(study: Path, *, frequency: float | None = None, to: To = HERE) -> None:
+def simulate(study: Path, *, frequency: float | None = None, plan: Plan = False, to: To = HERE) -> None:
     """One history: the study's base motion, or another frequency (Hz).
 
     Example: femimpact simulate study.toml --frequency 5.2 -o at-5.2
     """
     from femimpact.app.study.study import sine_of
 
-    plan = _study(study, to)
+    one = _study(study, to)
     if frequency is not None:
-        plan = replace(plan, base=replace(sine_of(plan, "frequency", frequency, "Hz"), frequency=frequency))
-    _run(plan, "simulate", to, ("simulate",))
+        one = replace(one, base=replace(sine_of(one, "frequency", frequency, "Hz"), frequency=frequency))
+    _run(one, "simulate", ("simulate",), plan, to)
 
 
 @app.command
-def sweep(study: Path, *, to: To = HERE) -> None:
+def sweep(study: Path, *, plan: Plan = False, to: To = HERE) -> None:
     """Response curves over the study's frequencies, without and with the ball.
 
     Example: femimpact sweep study.toml -o curves
     """
     from femimpact.app.study.study import sine_of
 
-    plan = _study(study, to)
-    sine_of(plan, "sweep")
-    require(plan.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
-    _run(plan, "sweep", to, ("sweep",))
+    one = _study(study, to)
+    sine_of(one, "sweep")
+    require(one.sweep is not None, "sweep", None, "", "table [sweep] is missing from the study")
+    _run(one, "sweep", ("sweep",), plan, to)
 
 
 @app.command
-def run(study: Path, *, to: To = HERE) -> None:
+def run(study: Path, *, plan: Plan = False, to: To = HERE) -> None:
     """All parts of the study: modes, history and sweep.
 
     Example: femimpact run study.toml -o results
     """
-    _run(_study(study, to), "results", to, ("modes", "simulate", "sweep"))
+    _run(_study(study, to), "results", ("modes", "simulate", "sweep"), plan, to)
 
 
 @app.command
-def converge(study: Path, *, accuracy: float = 1e-3, to: To = HERE) -> None:
+def converge(study: Path, *, accuracy: float = 1e-3, plan: Plan = False, to: To = HERE) -> None:
     """Errors over the mesh, the step and the modes, and what a relative accuracy takes.
 
     Example: femimpact converge study.toml --accuracy 1e-4
     """
-    from femimpact.app.tasks.convergence import write_convergence
+    from femimpact.app.tasks.convergence import task_of_convergence
 
-    _leave(write_convergence, _study(study, to), "converge", to, accuracy=accuracy)
+    _do(task_of_convergence(_study(study, to), accuracy), Path(f"{study.stem}-converge"), plan, to)
 
 
 @app.command
-def orbits(study: Path, *, to: To = HERE) -> None:
+def orbits(study: Path, *, plan: Plan = False, to: To = HERE) -> None:
     """Periodic orbits of [orbits], stable and unstable: their branches over a number, with bifurcations and a figure.
 
     Example: femimpact orbits study.toml -o branches
     """
-    from femimpact.app.tasks.branches import write_orbits
+    from femimpact.app.tasks.branches import task_of_orbits
 
-    _leave(write_orbits, _study(study, to), "orbits", to)
+    _do(task_of_orbits(_study(study, to)), Path(f"{study.stem}-orbits"), plan, to)
 
 
 @app.command(name="study")
@@ -554,17 +538,23 @@ def _study(path: Path, to: To) -> Study:
         return load_study(path)
 
 
-def _run(study: Study, kind: str, to: To, parts: tuple[str, ...], animate: bool = False) -> None:
-    from femimpact.app.tasks.run import run_study
+def _run(study: Study, kind: str, parts: tuple[str, ...], plan: bool, to: To, animate: bool = False) -> None:
+    from femimpact.app.study.prepared import prepare
+    from femimpact.app.tasks.run import task_of_run
 
-    _leave(run_study, study, kind, to, parts=parts, animate=animate)
+    _do(task_of_run(prepare(study, parts), parts, animate), Path(f"{study.path.stem}-{kind}"), plan, to)
 
 
-def _leave(write: Callable[..., object], study: Study, kind: str, to: To, **more: Any) -> None:
-    """Write results of a study, and print them."""
-    directory = to.output or Path(f"{study.path.stem}-{kind}")
+def _do(task: Task, usual: Path, plan: bool, to: To) -> None:
+    """Print the plan of a task, or do it and print its results."""
+    from femimpact.app.tasks.task import run_task
+
+    if plan:
+        print(*task.plan().lines, sep="\n")
+        return
+    directory = to.output or usual
     with _progress(to.quiet) as report:
-        write(study, directory, force=to.force, report=report, **more)
+        run_task(task, directory, to.force, report)
     print_results(directory, to.quiet)
 
 

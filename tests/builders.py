@@ -19,12 +19,13 @@ from femimpact.app.results.result_directory import FILES, ResultsWarning
 from femimpact.app.study.findings import joined
 from femimpact.app.study.findings import summary_of as summary_of_findings
 from femimpact.app.study.parameter_plan import ParameterPlan
-from femimpact.app.study.prepared import lines_of_plan, prepare
+from femimpact.app.study.prepared import prepare
 from femimpact.app.study.study import MeshChoice, OrbitsPlan, Output, Reduction, SweepPlan, build_systems, method_for
 from femimpact.app.study.study_file import TABLES, load_study, read_study, same_study, study_schema, study_text
 from femimpact.app.study.summary import findings_of, findings_of_history, findings_of_modes, findings_of_sweeps
-from femimpact.app.tasks.run import run_simulation, run_study
+from femimpact.app.tasks.run import run_simulation, run_study, task_of_run
 from femimpact.app.tasks.study_command import write_parameter_study
+from femimpact.app.tasks.task import run_task
 from femimpact.cli import print_results
 from femimpact.files import read_csv
 from femimpact.integrators.methods import Method
@@ -49,9 +50,14 @@ def build(study: fi.app.Study) -> tuple[fi.System, fi.System, Method]:
     return full, small, method_for(study, small)
 
 
+def done(task: object, directory: object) -> fi.app.StudyResults:
+    """The results of a task in a directory, done in silence."""
+    return run_task(task, directory, False, lambda _what, _share: None)
+
+
 def plan_lines(study: fi.app.Study) -> list[str]:
     """Lines on what a run of the study would do."""
-    return lines_of_plan(prepare(study))
+    return task_of_run(prepare(study)).plan().lines
 
 
 def summary_of(prepared: object, modes: object = None, response: object = None, sweeps: object = None) -> dict:

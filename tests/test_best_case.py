@@ -28,7 +28,7 @@ from femimpact.app.parametric.best_design import marks_of, worst_over_axes
 from femimpact.app.report.result_page import best_measures
 from femimpact.app.report.views import pictures_of
 from femimpact.app.study.study import read_mesh_of
-from femimpact.app.tasks.study_command import plan_lines
+from femimpact.app.tasks.study_command import plan_of_cases
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import OUTLINE
 
@@ -605,7 +605,7 @@ def test_the_commented_study_of_a_new_file_is_one_and_takes_the_worst_over_what_
     given, commented = paper_study_text().split("# [study]\n")
     lines = f"# [study]\n{commented.partition('# [study.sample]')[0]}".splitlines()
     plan = read_study("\n".join([given, *(line.removeprefix("# ") for line in lines)]), Path("study.toml"))
-    assert plan_lines(plan)[0].startswith("study: 1025 cases (5 x 5 x 41), 8 starts each")
+    assert plan_of_cases(plan).costs[0].startswith("study: 1025 cases (5 x 5 x 41), 8 starts each")
     assert set(plan.plan.best.worst_over) == set(plan.plan.axes) - {GAP}
 
 
@@ -630,11 +630,11 @@ def test_the_report_begins_with_a_map_with_the_best_outlined_or_a_line_with_its_
 def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():
     given = study(BEST.replace("peak = 1.0", '"peak" = 1.0'))
     assert read_study(study_text(given), Path("study.toml")).plan == given.plan
-    assert plan_lines(given) == plan_lines(study())
+    assert plan_of_cases(given) == plan_of_cases(study())
     dotted = study('[study.best]\nmeasure = "peak"\n[study.best.limits]\ntip.velocity = 1.0\n')
     assert dotted.plan.best.limits == {"tip.velocity": 1.0}
     with pytest.raises(fi.InputError, match=r"study.best.limits = 'tip.velocity': is no number of the study"):
-        plan_lines(dotted)
+        plan_of_cases(dotted)
 
 
 @pytest.mark.parametrize(
@@ -655,5 +655,5 @@ def test_a_table_of_the_best_goes_round_and_is_checked_before_the_first_case():
 )
 def test_a_wrong_table_of_the_best_is_named_by_its_key(table, words):
     with pytest.raises(fi.InputError, match=words) as caught:
-        plan_lines(study(f"[study.best]\n{table}\n"))
+        plan_of_cases(study(f"[study.best]\n{table}\n"))
     assert "\n" not in str(caught.value)

@@ -174,6 +174,17 @@ def test_a_frequency_of_the_command_line_takes_the_place_of_that_of_the_study(tm
     assert fi.load(tmp_path / "out").summary["history"]["frequency"] == 7.25
 
 
+@pytest.mark.parametrize("command", ["modes", "simulate", "sweep", "run", "converge"])
+def test_a_plan_says_what_would_be_computed_and_leaves_nothing(tmp_path, command):
+    (tmp_path / "s.toml").write_text(UNDRAWN_STUDY, encoding="utf-8")
+    lines = femimpact(command, "s.toml", "--plan", cwd=tmp_path).stdout.splitlines()
+    parts = {"simulate": {"history"}, "sweep": {"sweep"}, "run": {"history", "sweep"}, "converge": {"convergence"}}
+    kinds = {line.partition(": ")[0] for line in lines} & {"history", "sweep", "convergence"}
+    assert kinds == parts.get(command, set())
+    assert "besides: some 200 MB for the libraries" in lines
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
 def test_check_refuses_what_run_would_refuse(tmp_path):
     for find, put, words in (
         ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),

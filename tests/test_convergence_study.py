@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import done
 
 import femimpact as fi
 from femimpact.app.tasks import convergence
-from femimpact.app.tasks.convergence import stresses_at_jumps, write_convergence
+from femimpact.app.tasks.convergence import stresses_at_jumps, task_of_convergence
 from femimpact.convergence.cases import newmark_frequency, steady_amplitude
 from femimpact.convergence.runs import run_statistics
 from femimpact.convergence.table import (
@@ -514,9 +515,13 @@ def test_converge_studies_a_mesh_file_and_its_refinements(tmp_path):
     (tmp_path / "graded.toml").write_text(text, encoding="utf-8")
     (tmp_path / "graded_6.msh").write_bytes((MESHES / "graded_6.msh").read_bytes())
     study = fi.load_study(tmp_path / "graded.toml")
-    results = write_convergence(study, tmp_path / "out", False, lambda what, share: None, 1e-3)
+    task = task_of_convergence(study)
+    results = done(task, tmp_path / "out")
     over_mesh = read_csv(tmp_path / "out" / "quantities_over_mesh.csv")
     assert over_mesh["number"].tolist() == [6, 12, 24, 48, 96]
+    over_modes = read_csv(tmp_path / "out" / "quantities_over_modes.csv")["number"].size
+    words = f"over 5 meshes of 6 to 96 elements, {over_modes} numbers of modes"
+    assert task.plan().costs[0] == f"convergence: quantities of the motion without contacts {words}"
     assert not (tmp_path / "out" / "quantities_over_step.csv").exists()
     assert any("Newmark's method only" in note for note in results.summary["notes"])
     # on the thin side of the joint the same moment gives twice the stress and more

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tracemalloc
 
 import numpy as np
 import pytest
 from builders import (
     NO_PICTURES,
+    REFERENCE,
     MeshChoice,
     Reduction,
     SweepPlan,
+    done,
     paper_study,
     plan_lines,
     prepare,
@@ -21,6 +24,7 @@ from builders import (
 
 import femimpact as fi
 from femimpact.app.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
+from femimpact.app.tasks.convergence import task_of_convergence
 from femimpact.app.tasks.run import run_modes
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.sweep.curve import on_grid
@@ -87,6 +91,13 @@ def test_memory_of_mesh_and_modes_is_met_within_a_factor_of_two(study, elements,
     study = dataclasses.replace(study, mesh=MeshChoice(elements=elements), reduction=reduction)
     taken = peak_of(lambda: prepare(study, ()) if modes else run_modes(prepare(study, ("modes",))))
     assert 0.5 < taken / max(mesh_memory(elements, modes).values()) < 2.0
+
+
+@pytest.mark.parametrize("structure", [REFERENCE, dataclasses.replace(REFERENCE, impactors=())])
+def test_memory_of_a_convergence_is_met_within_a_factor_of_two(tmp_path, study, structure):
+    task = task_of_convergence(dataclasses.replace(study, structure=structure))
+    asked = float(re.search(r"about ([\d.]+) MB", "\n".join(task.plan().lines))[1])
+    assert 0.5 < peak_of(lambda: done(task, tmp_path / "out")) / 1e6 / asked < 2.0
 
 
 def test_what_does_not_fit_is_one_line_before_any_work(study, monkeypatch):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import read_csv
+from builders import done, read_csv
 
 import femimpact as fi
 from femimpact.app import demo
@@ -41,7 +41,7 @@ def results(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demo, "paper_study", lambda: short)
         plan = demo.ScanPlan((0.6, 0.78), points=21, cycles=120, starts=2)
-        return demo.run_demo(tmp_path_factory.mktemp("demo") / "out", scan=plan)
+        return done(demo.task_of_demo(plan), tmp_path_factory.mktemp("demo") / "out")
 
 
 @pytest.fixture(scope="module")

@@ -54,6 +54,6 @@ def test_with_the_option_every_module_solves_for_perturbed_modes(system, request
 def test_every_file_that_runs_impacts_is_marked():
     for path in sorted(Path(__file__).parent.glob("test_*.py")):
         source = path.read_text(encoding="utf-8")
-        runs = re.search(r"\.impacts\b|impacts_per_cycle|\.contact_loss|run_demo", source)
+        runs = re.search(r"\.impacts\b|impacts_per_cycle|\.contact_loss|task_of_demo", source)
         if runs and path.name not in (*APART, Path(__file__).name):
             assert "pytest.mark.impacts" in source, path.name

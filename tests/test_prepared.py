@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +19,7 @@ from builders import (
     ParameterPlan,
     Reduction,
     SweepPlan,
+    done,
     load_study,
     paper_study,
     plan_lines,
@@ -90,7 +92,18 @@ def test_a_plan_assembles_once(study, assembled):
 def test_the_demo_assembles_once(study, assembled, tmp_path, monkeypatch):
     short = dataclasses.replace(study, output=dataclasses.replace(study.output, figures=False))
     monkeypatch.setattr(demo, "paper_study", lambda: short)
-    demo.run_demo(tmp_path / "out", scan=demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))
+    runs, whole = [], demo.parameter_study
+
+    def counted(system, axes, measures, **more):
+        runs.append((math.prod(map(len, axes.values())), more["cycles"]))
+        return whole(system, axes, measures, **more)
+
+    monkeypatch.setattr(demo, "parameter_study", counted)
+    task = demo.task_of_demo(demo.ScanPlan((0.7,), points=4, cycles=24, starts=1))
+    done(task, tmp_path / "out")
+    # its plan says how many runs there are beside the history and the sweep
+    (line,) = [line for line in task.plan().lines if line.startswith("demo: ")]
+    assert [(int(count), int(cycles)) for count, cycles in re.findall(r"(\d+) (?:runs )?of (\d+) cycles", line)] == runs
     assert assembled == [short.structure, fi.structure.glue_impactors(short.structure)]
 
 

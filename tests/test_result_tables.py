@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 
 import pytest
-from builders import OrbitsPlan, load_study, paper_study_text, run_study
+from builders import OrbitsPlan, done, load_study, paper_study_text, run_study
 
-from femimpact.app.tasks.branches import write_orbits
+from femimpact.app.tasks.branches import task_of_orbits
 
 pytestmark = pytest.mark.impacts
 
@@ -61,7 +61,7 @@ def results(tmp_path_factory):
     alone = dataclasses.replace(study.structure, impactors=())
     plan = OrbitsPlan("frequency", (4.8, 5.0), 2.0)
     linear = dataclasses.replace(study, structure=alone, sweep=None, orbits=plan)
-    write_orbits(linear, folder / "orbits", False, lambda _what, _share: None)
+    done(task_of_orbits(linear), folder / "orbits")
     return [path for name in ("results", "orbits") for path in (folder / name).glob("*.csv")]
 
 

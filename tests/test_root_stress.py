@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import NO_PICTURES, prepare, short_study
+from builders import NO_PICTURES, plan_lines, short_study
 
 import femimpact as fi
-from femimpact.app.study.prepared import lines_of_plan, root_stress
+from femimpact.app.study.prepared import root_stress
 
 MATERIAL = {"young_modulus": 70e9, "density": 2700.0}
 SECTION = {"length": 0.23, "area": 2e-5, "second_moment": 1.7e-12, **MATERIAL}
@@ -64,6 +64,6 @@ def test_where_it_is_left_out_the_check_and_the_results_say_what_it_needs(
     fi.run_study(study, tmp_path / "results", parts=("simulate",))
     summary = fi.load(tmp_path / "results").summary
     words = "root.surface_stress is left out: it needs outer_fibre (m) of segment 'beam'"
-    for texts in (summary["notes"], lines_of_plan(prepare(study))):
+    for texts in (summary["notes"], plan_lines(study)):
         assert any(words in text for text in texts) == (outer_fibre is None)
     assert ("root.surface_stress" in summary["history"]["channels"]) == (outer_fibre is not None)

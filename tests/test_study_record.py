@@ -15,7 +15,7 @@ from femimpact.app.report.pictures import draw_again
 from femimpact.app.results.picture_data import read_results
 from femimpact.app.study.drives import recorded
 from femimpact.app.study.study_file import with_record
-from femimpact.app.tasks.convergence import write_convergence
+from femimpact.app.tasks.convergence import task_of_convergence
 from femimpact.cli import app
 
 pytestmark = pytest.mark.impacts
@@ -256,7 +256,7 @@ def test_what_needs_a_sine_is_refused_before_any_work(tmp_path, shaker):
     refused = [
         (r"^frequency = 5\.0 Hz: ", lambda: app(["simulate", str(path), "--frequency", "5", "-o", str(out)])),
         ("^sweep: ", lambda: app(["sweep", str(path), "-o", str(out)])),
-        ("^converge: ", lambda: write_convergence(study, out, False, lambda _what, _share: None)),
+        ("^converge: ", lambda: task_of_convergence(study)),
         (r"^study\.sine: ", lambda: study.sine),
     ]
     for key, ask in refused:

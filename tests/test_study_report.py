@@ -27,7 +27,7 @@ from test_report import fetched, section, text_of
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.report.result_conclusions import study_lead
-from femimpact.app.tasks.study_command import plan_lines
+from femimpact.app.tasks.study_command import plan_of_cases
 from femimpact.figures.study_labels import measure_names, unsure_cells
 
 pytestmark = pytest.mark.impacts
@@ -60,7 +60,7 @@ def results(sound, tmp_path):
 
 def test_check_foretells_the_disk_that_a_study_takes_within_a_factor_of_two(sound):
     taken = sum(path.stat().st_size for path in sound.rglob("*") if path.is_file())
-    told = re.search(r"and ([\d.e+]+) MB on disk", plan_lines(study())[1])
+    told = re.search(r"and ([\d.e+]+) MB on disk", plan_of_cases(study()).costs[1])
     assert taken / 2 < 1e6 * float(told[1]) < 2 * taken
 
 

@@ -17,26 +17,28 @@ import numpy as np
 
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, Spread, joined
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
-from femimpact.app.study.study import Study, sine_of
+from femimpact.app.study.study import Study, SweepPlan, sine_of
 from femimpact.app.study.study_file import load_study
 from femimpact.app.study.summary import SweepPair, findings_of, findings_of_modes
 from femimpact.app.tasks.run import (
     history_part,
     modes_part,
+    plan_of_run,
     run_modes,
     run_simulation,
     run_sweep,
     sweep_part,
 )
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, columns_of_starts, spreads_of
-from femimpact.app.tasks.task import Finished, Task, run_task, study_files
+from femimpact.app.tasks.task import Finished, Plan, Task, study_files
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.sweep.sweep import frequency_sweep
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -96,14 +98,28 @@ def free_directory(name: str) -> Path:
     return path
 
 
-def run_demo(
-    directory: str | Path, *, force: bool = False, report: Report | None = None, scan: ScanPlan | None = None
-) -> StudyResults:
-    """Run the paper's case and write its results."""
+def task_of_demo(scan: ScanPlan = ScanPlan()) -> Task:
+    """The paper's case."""
     prepared = prepare(paper_study())
-    work = partial(_parts_of_demo, prepared, scan or ScanPlan())
-    task = Task(prepared.study, findings_of(prepared), ("modes", "sweep", "history"), work)
-    return run_task(task, directory, force, report or (lambda _what, _share: None))
+    work, plan = partial(_parts_of_demo, prepared, scan), partial(plan_of_demo, prepared, scan)
+    return Task(prepared.study, findings_of(prepared), ("modes", "sweep", "history"), work, plan)
+
+
+def plan_of_demo(prepared: PreparedStudy, scan: ScanPlan) -> Plan:
+    """The plan of the run from one start, and what the scan and the starts in each frame take."""
+    study, grid = prepared.study, cast(SweepPlan, prepared.study.sweep)
+    one = replace(study, sweep=replace(grid, starts=1), output=replace(study.output, starts=1))
+    plan = plan_of_run(replace(prepared, study=one), ("modes", "sweep", "history"))
+    scanned = len(scan.restitutions) * len(STARTS) * scan.starts * scan.points
+    swept = len(STARTS) * SAMPLES * (2 * grid.points - 1)
+    cycles = scanned * scan.cycles + swept * grid.cycles
+    seconds = cycles * seconds_of_cycle(EventDriven(), prepared.small, study.shown_frequency, sweep=True)
+    words = (
+        f"demo: {scanned} runs of {scan.cycles} cycles over {len(scan.restitutions)} restitutions and {swept} of "
+        f"{grid.cycles} cycles over {SAMPLES} starts in each of {len(STARTS)} frames, event-driven, take about "
+        f"{number_text(seconds, 2)} s on one core"
+    )
+    return replace(plan, costs=(*plan.costs, words))
 
 
 def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> Iterator[Finished]:

@@ -16,9 +16,12 @@ from numpy.typing import ArrayLike
 
 from femimpact.app.parametric.dataset import axis_rows
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.study.prepared import carried_words, in_study_words, lines_of_plan, prepare, refined_grid
+from femimpact.app.study.prepared import carried_words, in_study_words, prepare, refined_grid
 from femimpact.app.study.study import Study, build_systems
-from femimpact.app.tasks.study_command import definition_of
+from femimpact.app.study.study_file import unit_lines
+from femimpact.app.tasks.branches import task_of_orbits
+from femimpact.app.tasks.run import task_of_run
+from femimpact.app.tasks.study_command import definition_of, plan_of_cases
 from femimpact.arrays import Array
 from femimpact.contact.laws import Rigid
 from femimpact.errors import (
@@ -203,20 +206,22 @@ def preflight(
     return Preflight(tuple(rows))
 
 
-def lines_of_check(study: Study) -> tuple[list[str], Preflight]:
-    """Lines on what would run and what it can show, and the numbers beside their limits.
+def lines_of_check(study: Study) -> tuple[list[str], list[str]]:
+    """Lines on what the tables of a study ask for and what it can show, and the limits and warnings among them.
 
-    Raises `InputError` for everything that would stop the run before it starts.
+    Raises `InputError` for everything that would stop a task before it starts.
     """
     prepared = prepare(study)
-    found = preflight_of_study(study, prepared.small)
+    numbers, run = preflight_of_study(study, prepared.small), task_of_run(prepared).plan()
     # a row has the size of a motion beside its limit, and only the rest of the warning
-    advice = "; ".join(row.instead for row in found.passed)
-    said = {text for text in prepared.warnings if text.rpartition(" m: ")[2] in advice}
-    if _is_of_another_material(found.rows):
-        said = set(prepared.warnings)
-    lines = lines_of_plan(replace(prepared, warnings=tuple(text for text in prepared.warnings if text not in said)))
-    return lines + [f"{'limit passed' if row.passed else 'test'}: {row}" for row in found.rows], found
+    advice = "; ".join(row.instead for row in numbers.passed)
+    left = [text for text in run.warnings if text.rpartition(" m: ")[2] not in advice]
+    run = replace(run, warnings=() if _is_of_another_material(numbers.rows) else tuple(left))
+    plans = [plan_of_cases(study)] if study.plan is not None else []
+    plans += [task_of_orbits(study).plan()] if study.orbits is not None else []
+    rows = [f"{'limit passed' if row.passed else 'test'}: {row}" for row in numbers.rows]
+    passed = [*(row.what for row in numbers.passed), *(f"warning: {text}" for text in run.warnings)]
+    return [*unit_lines(study), *run.lines, *rows, *(line for plan in plans for line in plan.lines)], passed
 
 
 def preflight_of_study(study: Study, small: System) -> Preflight:

@@ -57,9 +57,12 @@ from femimpact.units import number_text
 PHASES = 8
 """Base phases over which the error after the first impact is averaged."""
 
+HALVINGS = 5
+"""How often the step is halved."""
+
 
 def converge_step(
-    system: System, excitation: Sine, method: Newmark, halvings: int = 5, *, accuracy: float = 1e-3
+    system: System, excitation: Sine, method: Newmark, halvings: int = HALVINGS, *, accuracy: float = 1e-3
 ) -> ConvergenceTable:
     """Error of runs in Newmark's steps over the step, against a run with a step four times finer than the finest.
 
@@ -179,6 +182,9 @@ CORRECTED = " corrected"
 """End of the name of a quantity with static correction."""
 
 
+MOST_IMPACTS = 1_000_000
+"""Impacts that a run keeps."""
+
 PARTS = 8
 """Parts of the window between which statistics scatter."""
 
@@ -200,7 +206,7 @@ def run_statistics(
     """
     require_method(method)
     every = stride_of(method, excitation.frequency, POINTS_PER_CYCLE)
-    keep = Recorder(channels=(at,), every=every, impacts=1_000_000)
+    keep = Recorder(channels=(at,), every=every, impacts=MOST_IMPACTS)
     run = integrate(system, excitation, method, duration, keep)
     period = 1.0 / excitation.frequency
     edges = run.time[-1] - period * cycles * np.linspace(1.0, 0.0, PARTS + 1)

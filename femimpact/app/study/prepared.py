@@ -13,23 +13,20 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, require
-from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import Excitation
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
-from femimpact.excitation.remarks import frequency_warnings, motion_notes, motion_warnings
+from femimpact.excitation.remarks import frequency_warnings, motion_warnings
 from femimpact.fem.mesh import Mesh
 from femimpact.integrators.cases import check_memory, memory_needed, workers_of
-from femimpact.integrators.methods import AT_ONCE, Method, bytes_of_cycle, seconds_of_cycle, step_of, stride_of
+from femimpact.integrators.methods import AT_ONCE, Method, bytes_of_cycle, seconds_of_cycle, stride_of
 from femimpact.integrators.planned_drive import drive_warnings
-from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.channels import resolve_channels
 from femimpact.response.cycles import PeakResolution
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
-from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import needs_outer_fibre
-from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.modes import DENSE_LIMIT, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
 from femimpact.units import number_text
 
@@ -73,13 +70,13 @@ def in_study_words(text: str) -> str:
 
 def carried_words(system: System) -> str:
     """What a structure carries, or meets: "ball", "balls", "absorber", "ball and absorber", "stop", ..."""
-    counts = _counts(system)
+    counts = counts_of(system)
     if counts["ball"] or counts["absorber"]:
         counts["stop"] = 0
     return " and ".join(f"{name}{'s' if count > 1 else ''}" for name, count in counts.items() if count) or "ball"
 
 
-def _counts(system: System) -> dict[str, int]:
+def counts_of(system: System) -> dict[str, int]:
     """Numbers of balls, absorbers and stops."""
     counts = {"ball": 0, "absorber": 0, "stop": 0}
     for pair in system.contacts:
@@ -273,113 +270,9 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
             each.check_drive(np.array([study.sweep.stop]), "sweep.stop")
 
 
-def lines_of_plan(prepared: PreparedStudy) -> list[str]:
-    """Lines on what a run would do: dofs, step, contact time, number of steps, memory and time."""
-    study, full, small, method, grid = prepared.study, prepared.full, prepared.small, prepared.method, prepared.grid
-    steps = round(study.history_duration / grid)
-    contact_time = shortest_contact(small)
-    kind = "modal" if small.is_diagonal else "physical"
-    lines = [
-        f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
-        + (
-            ", ".join(f"{count} {name}{'s' * (count > 1)}" for name, count in _counts(small).items() if count)
-            or "no ball"
-        ),
-        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
-        f"{f' without {prepared.carried}' if small.balls else ''}"
-        f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}",
-        f"contact time: {contact_time:.4g} s" if np.isfinite(contact_time) else "contact time: no contact",
-    ]
-    if study.structure.gravity:
-        lines.append(f"gravity: {study.structure.gravity:g} m/s^2 along the deflection")
-    for pair in small.contacts:
-        if not pair.has_walls:
-            tuned = math.sqrt(pair.free_stiffness / pair.mass)
-            lines.append(
-                f"absorber {pair.name}: {1e3 * pair.mass:.4g} g, {tuned / (2.0 * math.pi):.5g} Hz on a structure at "
-                f"rest, damping ratio {pair.free_damping / (2.0 * tuned * pair.mass):.4g}"
-            )
-            continue
-        fixed = ", fixed in space" if pair.fixed_to == "space" else ""
-        preload = f", {pair.preload_words}" if pair.is_preloaded else ""
-        lines.append(
-            f"contact of {pair.name}: {pair.law.name}, {_numbers(pair)}restitution {pair.parameters.restitution:.4g}, "
-            f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
-            f"{preload}{fixed}"
-        )
-    lines.append(f"method: {study.method.get('name', 'newmark')}; {_step_words(study, method)}")
-    instants = "samples" if step_of(method) is None else "steps"
-    history = history_cost(study, small, method, prepared.record)
-    lines.append(
-        f"history: {steps} {instants}, {grid:.4g} s apart, {study.history_words}, "
-        f"takes about {number_text(history.memory / 1e6, 3)} MB and {number_text(history.seconds, 2)} s"
-        f"{_starts_words(small, study.output.starts)}"
-    )
-    if study.sweep is not None:
-        plan = study.sweep
-        cases, middle = most_frequencies(plan), 0.5 * (plan.start + plan.stop)
-        total = cases * plan.cycles / middle / method.time_grid(small, Sine(0.0, middle), 1.0 / middle, Recorder())
-        swept = sweep_cost(study, small, method)
-        lines.append(
-            f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
-            f"{number_text(total, 3)} {instants}, takes about {number_text(swept.memory / 1e6, 3)} MB and "
-            f"{number_text(swept.seconds, 2)} s on one core"
-            f"{_starts_words(small, plan.starts)}"
-        )
-    if picture_seconds(study) > 0.0:
-        lines.append(f"figures and movie: about {number_text(picture_seconds(study), 2)} s, when the rest is done")
-    mesh = mesh_memory(full.nodes.size - 1, small.dofs if study.reduction else None)
-    lines.append(f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB")
-    lines.append("besides: some 200 MB for the libraries")
-    end = study.history_duration
-    notes = (*method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
-    notes += root_stress_notes(study.structure, small)
-    lines += [f"note: {in_study_words(text)}" for text in (*notes, *_files_elsewhere(study))]
-    return lines + [f"warning: {text}" for text in prepared.warnings]
-
-
-def _step_words(study: Study, method: Method) -> str:
-    """How a method advances in time, in words."""
-    step, refine = step_of(method), getattr(method, "refine", 1)
-    if step is None:
-        return "exact between impacts and through compliant ones"
-    origin = "given" if "dt" in study.method else "recommended"
-    return f"step: {step:.4g} s ({origin})" + (f", divided by {refine} in contact" if refine > 1 else "")
-
-
-def _files_elsewhere(study: Study) -> list[str]:
-    """Notes on files that a study reads from outside its folder: it cannot be handed on with that alone."""
-    folder = study.path.parent.resolve()
-    named = {"base.record": study.record, "mesh.file": study.mesh.file}
-    # links are followed
-    places = {key: (name, (folder / name).resolve()) for key, name in named.items() if name}
-    return [
-        f"{key} = {name!r} is outside the folder of the study file: {place}"
-        for key, (name, place) in places.items()
-        if not place.is_relative_to(folder)
-    ]
-
-
-def _starts_words(small: System, starts: int) -> str:
-    """Words on further starts, whose time is in that of the run."""
-    return f", with {starts} further starts of the {carried_words(small)}" if runs_of_starts(small, starts) > 1 else ""
-
-
 def runs_of_starts(small: System, starts: int) -> int:
     """How many runs a part of a study takes: its own and those of several starts, which differ in the balls alone."""
     return 1 + starts if starts > 1 and small.balls else 1
-
-
-def _clearance(gaps: tuple[float, float]) -> str:
-    if np.isfinite(sum(gaps)):
-        return f"total clearance {1e3 * sum(gaps):.4g} mm"
-    return f"wall on the {'+' if np.isfinite(gaps[0]) else '-'} side alone, gap {1e3 * min(gaps):.4g} mm"
-
-
-def _numbers(pair: ContactPair) -> str:
-    """Parameters of a pair's law, with their units."""
-    shown = pair.law.shown_numbers(pair.effective_mass)
-    return "".join(f"{name} {value:.5g}{unit and f' {unit}'}, " for name, value, unit in shown)
 
 
 # ---- grid of a sweep -----------------------------------------------------------------------------
@@ -462,6 +355,9 @@ PIECE = 300.0
 POINT = 1200.0
 """Bytes of a frequency of a sweep in its tables."""
 
+LIBRARIES = "besides: some 200 MB for the libraries"
+"""What any plan says of the memory of the libraries."""
+
 LEAST = 1e6
 """Bytes of any part."""
 
@@ -486,6 +382,9 @@ class Cost:
 
     memory: float
     seconds: float
+
+    def __str__(self) -> str:
+        return f"{number_text(self.memory / 1e6, 3)} MB and {number_text(self.seconds, 2)} s"
 
 
 def picture_seconds(study: Study) -> float:

@@ -8,19 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femimpact.app.report.pictures import Report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
-from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import BranchSummary, Findings, OrbitsSummary, PlacedBifurcation
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
 from femimpact.app.study.study import OrbitsPlan, Study, sine_of
 from femimpact.app.study.summary import findings_of
-from femimpact.app.tasks.task import Finished, Task, run_task
+from femimpact.app.tasks.task import Finished, Plan, Task
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError, Fault, FemimpactError, InputError, checked, require
 from femimpact.excitation.drives import PointForce
@@ -124,24 +122,30 @@ def _check_run(ready: PreparedOrbits) -> None:
     require(needed <= record.memory_limit, "orbits.guess_duration", duration, "s", allowed)
 
 
-def orbit_lines(study: Study) -> list[str]:
-    """Lines on what `femimpact orbits` would do.
+def task_of_orbits(study: Study) -> Task:
+    """The branches of a study: data, tables, figure and report.
 
-    Raises `InputError` as of `prepare_orbits`.
+    Raises as `prepare_orbits` does, and its work as `first_orbit`.
     """
     ready = prepare_orbits(study)
+    work, plan = partial(_parts_of_orbits, ready), partial(plan_of_orbits, ready)
+    return Task(study, findings_of(ready.prepared), ("branches",), work, plan)
+
+
+def plan_of_orbits(ready: PreparedOrbits) -> Plan:
+    """The run that settles, the branches, and their time."""
     plan, number, small = ready.plan, ready.number, ready.prepared.small
     seconds = seconds_of_cycle(ready.prepared.method, small, ready.sine.frequency)
     low, high = plan.range
     switched = f", and at {', '.join(plan.switch)} the others too" if plan.switch else ""
-    return [
+    return Plan((
         f"orbits: a run of {plan.guess_duration:g} s, about "
         f"{number_text(seconds * ready.sine.frequency * plan.guess_duration, 2)} "
         f"s, leads to an orbit of {_cycles(plan.cycles)}; its branch over {number.path} from {low:g} to "
         f"{parameter_text(high, number.unit)}{switched}",
         f"orbits: up to {plan.most_branches} branches of up to {plan.points} points each way; 500 points take some "
         "3 to 12 s",
-    ]  # fmt: skip
+    ))  # fmt: skip
 
 
 def _cycles(count: int) -> str:
@@ -319,16 +323,6 @@ def _sweep(ready: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
 
 
 # ---- files ----------------------------------------------------------------------------------------
-
-
-def write_orbits(study: Study, directory: Path, force: bool, report: Report) -> StudyResults:
-    """Follow the branches of a study and write their files: data, tables, figure and report.
-
-    Raises as `prepare_orbits` and `first_orbit` do.
-    """
-    ready = prepare_orbits(study)
-    task = Task(study, findings_of(ready.prepared), ("branches",), partial(_parts_of_orbits, ready))
-    return run_task(task, directory, force, report)
 
 
 def _parts_of_orbits(ready: PreparedOrbits, report: Report) -> Iterator[Finished]:

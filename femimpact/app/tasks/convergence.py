@@ -6,17 +6,16 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
+from femimpact.app.study.prepared import ELEMENT_KEPT, LIBRARIES, START, Cost, mesh_memory
 from femimpact.app.study.study import Study, build_systems, check_method, method_for, read_mesh_of, sine_of
 from femimpact.app.study.summary import findings_of_study
-from femimpact.app.tasks.task import Finished, Task, run_task
+from femimpact.app.tasks.task import Finished, Plan, Task
 from femimpact.convergence.cases import Axis, Case, OverMeshes, OverModes, OverSteps
 from femimpact.convergence.quantities import (
     Frequencies,
@@ -26,13 +25,16 @@ from femimpact.convergence.quantities import (
     SurfaceStress,
     Watched,
 )
-from femimpact.convergence.runs import ContactStatistics, converge_step
+from femimpact.convergence.runs import HALVINGS, MOST_IMPACTS, PHASES, ContactStatistics, converge_step
 from femimpact.convergence.study import convergence_study
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.errors import FemimpactError, InputError
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
-from femimpact.integrators.methods import Method
+from femimpact.integrators.cases import memory_needed
+from femimpact.integrators.event_driven import EventDriven
+from femimpact.integrators.methods import Method, seconds_of_cycle
 from femimpact.integrators.stepping.newmark import Newmark
+from femimpact.response.response import Recorder
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.system import System
@@ -53,15 +55,18 @@ MODES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 COARSEST_STEPS = 40
 """Steps in a base cycle of the coarsest step."""
 
+SECONDS_OF_AXIS = 0.3
+"""Quantities over an axis, s."""
 
-def write_convergence(
+CYCLES_OVER_STEPS = 3
+"""Base cycles of a run without contacts over the step; most runs to shortly after the first impact are as short."""
+
+
+def task_of_convergence(
     study: Study,
-    directory: Path,
-    force: bool,
-    report: Report,
     accuracy: float = 1e-3,  # relative error that the recommended numbers are for
-) -> StudyResults:
-    """Run the convergence studies of a study and write their tables and figures.
+) -> Task:
+    """The convergence studies of a study: tables and figures.
 
     Raises `InputError` if the mesh or the method does not fit the study, or its base does not move by a sine.
     """
@@ -70,32 +75,63 @@ def write_convergence(
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
     check_method(study, small, method)
-    found = findings_of_study(study, full, method)
-    notes = list(_without_stress(study))
-    parts = ["quantities"]
+    notes, parts = list(_without_stress(study)), ["quantities"]
     if study.structure.impactors or study.structure.stops:
         parts.append("statistics")
     if isinstance(method, Newmark):
         parts.append("steps")
     else:
         notes.append("over the step: Newmark's method only; the study's is another")
-    found = replace(found, notes=tuple(notes), accuracy=accuracy)
-    work = partial(_parts_of_convergence, study, mesh, full, small, method, accuracy)
-    return run_task(Task(study, found, tuple(parts), work), directory, force, report)
+    findings = replace(findings_of_study(study, full, method), notes=tuple(notes), accuracy=accuracy)
+    axes = _axes(study, mesh, full, method)
+    work = partial(_parts_of_convergence, study, axes, full, small, method, accuracy)
+    return Task(study, findings, tuple(parts), work, partial(plan_of_convergence, study, axes, small, method))
+
+
+def _axes(study: Study, mesh_of_file: Mesh | None, full: System, method: Method) -> tuple[OverMeshes, list[Axis]]:
+    """The meshes, and the steps, where there are some, and the numbers of modes."""
+    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
+    steps: list[Axis] = [_steps(study, mesh, method)] if isinstance(method, Newmark) else []
+    return _meshes(study, mesh_of_file), [*steps, OverModes(mesh, _counts(full.dofs))]
+
+
+def plan_of_convergence(study: Study, axes: tuple[OverMeshes, list[Axis]], small: System, method: Method) -> Plan:
+    """Cases and runs of each part, their time, and the memory of the meshes and of a run."""
+    elements = [mesh.elements for mesh in axes[0].meshes if isinstance(mesh, Mesh)]
+    counts = [f"{len(elements)} meshes of {elements[0]} to {elements[-1]} elements"]
+    for axis in axes[1]:
+        steps, modes = getattr(axis, "halvings", None), getattr(axis, "counts", ())
+        counts.append(f"{len(modes)} numbers of modes" if steps is None else f"{steps + 1} steps")
+    costs = [f"quantities of the motion without contacts over {', '.join(counts)}"]
+    # the finest mesh is refined once more, and all are kept
+    finest = 2 * elements[-1]
+    memory = max(mesh_memory(finest, 4).values()) + ELEMENT_KEPT * (sum(elements) + finest)
+    seconds, frequency = START + SECONDS_OF_AXIS * (1 + len(axes[1])), study.excitation.frequency
+    contacts = bool(study.structure.impactors or study.structure.stops)
+    if contacts:
+        runs, most = ContactStatistics(), min(STATISTICS_MESHES, len(elements))
+        costs.append(
+            f"statistics of runs with contacts over {most} meshes, each from {runs.starts} phases of the base, "
+            f"{runs.cycles} cycles, event-driven"
+        )
+        seconds += most * runs.starts * runs.cycles * seconds_of_cycle(EventDriven(), small, frequency)
+        memory += memory_needed(small, Recorder(impacts=MOST_IMPACTS), 0, 0, 1.0, 1.0)["impacts"]
+    if isinstance(method, Newmark):
+        costs.append(f"runs over {HALVINGS + 1} steps of {method.dt:.4g} s and shorter")
+        cycles = CYCLES_OVER_STEPS * (1 + PHASES * contacts) * (2 ** (HALVINGS + 1) + 2 ** (HALVINGS + 2))
+        seconds += cycles * seconds_of_cycle(method, small, frequency)
+    cost = f"convergence takes about {Cost(memory, seconds)}"
+    return Plan((*(f"convergence: {text}" for text in costs), cost, LIBRARIES))
 
 
 def _parts_of_convergence(
-    study: Study, mesh_of_file: Mesh | None, full: System, small: System, method: Method, accuracy: float,
+    study: Study, axes: tuple[OverMeshes, list[Axis]], full: System, small: System, method: Method, accuracy: float,
     report: Report,
 ) -> Iterator[Finished]:  # fmt: skip
     """Quantities over the axes, runs with contacts over the mesh, and runs in steps to after the first impact."""
-    meshes = _meshes(study, mesh_of_file)
-    mesh = mesh_of_file if mesh_of_file is not None else uniform_mesh(study.structure, cast(int, study.mesh.elements))
-    axes: list[Axis] = [meshes, OverModes(mesh, _counts(full.dofs))]
-    if isinstance(method, Newmark):
-        axes.insert(1, _steps(study, mesh, method))
+    meshes, others = axes
     quantities = convergence_study(
-        study.structure, axes, _watched(full, study), study.sine, accuracy=accuracy,
+        study.structure, [meshes, *others], _watched(full, study), study.sine, accuracy=accuracy,
         progress=lambda share: report("quantities", share),
     ).tables  # fmt: skip
     tables = {f"quantities_over_{axis}": table for axis, table in quantities.items()}

@@ -23,13 +23,23 @@ from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
     LEAST_SAMPLES,
+    LIBRARIES,
     PARTS,
     PreparedStudy,
+    carried_words,
+    counts_of,
     even_grid,
+    history_cost,
+    in_study_words,
     last_cycles_start,
+    mesh_memory,
+    most_frequencies,
+    picture_seconds,
     prepare,
     refined_grid,
+    root_stress_notes,
     runs_of_starts,
+    sweep_cost,
 )
 from femimpact.app.study.study import Study, assemble_on
 from femimpact.app.study.summary import (
@@ -40,13 +50,15 @@ from femimpact.app.study.summary import (
     findings_of_sweeps,
 )
 from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_histories, spreads_of
-from femimpact.app.tasks.task import Finished, Task, run_task
+from femimpact.app.tasks.task import Finished, Plan, Task, run_task
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth
+from femimpact.excitation.drives import until
 from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.harmonic import Sine
+from femimpact.excitation.remarks import motion_notes
 from femimpact.files import write_netcdf
 from femimpact.integrators.cases import first_steps
-from femimpact.integrators.methods import Method, read_at_least
+from femimpact.integrators.methods import Method, read_at_least, step_of
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.operators import shortest_contact
 from femimpact.response.impacts import DRAWN_IN_CONTACT, impact_columns
@@ -54,9 +66,11 @@ from femimpact.response.response import Recorder, Response
 from femimpact.structure.structure import glue_impactors
 from femimpact.sweep.curve import IMPACT_UNITS, SWEEP_UNITS, on_grid
 from femimpact.sweep.sweep import frequency_sweep
-from femimpact.system.modes import Modes, mode_columns, solve_modes
+from femimpact.system.modes import Modes, first_elastic_frequency, mode_columns, solve_modes
 from femimpact.system.state import State
+from femimpact.system.system import System
 from femimpact.table import flat_columns
+from femimpact.units import number_text
 
 MODES_LISTED = 4
 
@@ -196,11 +210,15 @@ def run_study(
     animate, force = checked("animate", animate, truth()), checked("force", force, truth())
     usable = callable(report) and not isinstance(report, type)
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
-    prepared = prepare(study, parts)
+    return run_task(task_of_run(prepare(study, parts), parts, animate), directory, force, report)
+
+
+def task_of_run(prepared: PreparedStudy, parts: tuple[str, ...] = PARTS, animate: bool = False) -> Task:
+    """The parts of a run, of which that of a study without [sweep] has none."""
     names = {"modes": "modes", "simulate": "history", "sweep": "sweep"}
-    kept = tuple(name for part, name in names.items() if part in parts and (part != "sweep" or study.sweep))
-    task = Task(study, findings_of(prepared), kept, partial(_parts_of_run, prepared, kept, animate))
-    return run_task(task, directory, force, report)
+    kept = tuple(name for part, name in names.items() if part in parts and (part != "sweep" or prepared.study.sweep))
+    work, plan = partial(_parts_of_run, prepared, kept, animate), partial(plan_of_run, prepared, kept)
+    return Task(prepared.study, findings_of(prepared), kept, work, plan)
 
 
 def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool, report: Report) -> Iterator[Finished]:
@@ -226,6 +244,120 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool
             )
             files = {"curves_of_starts": columns_of_starts({study.start: curves})}
             yield Finished("sweep", files, joined(ranges, failed))
+
+
+# ---- what would run ---------------------------------------------------------------------------------
+
+
+def plan_of_run(prepared: PreparedStudy, parts: tuple[str, ...]) -> Plan:
+    """Dofs, contact time, contacts and method, and what each part takes."""
+    study, small, end = prepared.study, prepared.small, prepared.study.history_duration
+    notes = (*prepared.method.notes(small), *motion_notes(until(study.excitation, end), small.length, end))
+    notes += (*root_stress_notes(study.structure, small), *_files_elsewhere(study))
+    costs, numbers, inputs = _costs(prepared, parts), _numbers(prepared), _inputs(prepared)
+    return Plan(tuple(costs), tuple(numbers), tuple(inputs), tuple(map(in_study_words, notes)), prepared.warnings)
+
+
+def _numbers(prepared: PreparedStudy) -> Iterator[str]:
+    """Dofs, first natural frequency and contact time."""
+    full, small = prepared.full, prepared.small
+    kind = "modal" if small.is_diagonal else "physical"
+    counts = [f"{count} {name}{'s' * (count > 1)}" for name, count in counts_of(small).items() if count]
+    yield (
+        f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
+        f"{', '.join(counts) or 'no ball'}"
+    )
+    yield (
+        f"first natural frequency: {first_elastic_frequency(small):.6g} Hz"
+        f"{f' without {prepared.carried}' if small.balls else ''}"
+        f"{'' if small.first_frequency > 0.0 else ', above a rigid motion at 0 Hz'}"
+    )
+    contact_time = shortest_contact(small)
+    yield f"contact time: {contact_time:.4g} s" if math.isfinite(contact_time) else "contact time: no contact"
+
+
+def _inputs(prepared: PreparedStudy) -> Iterator[str]:
+    """Gravity, absorbers, contacts and method."""
+    study, method = prepared.study, prepared.method
+    if study.structure.gravity:
+        yield f"gravity: {study.structure.gravity:g} m/s^2 along the deflection"
+    for pair in prepared.small.contacts:
+        if not pair.has_walls:
+            tuned = math.sqrt(pair.free_stiffness / pair.mass)
+            yield (
+                f"absorber {pair.name}: {1e3 * pair.mass:.4g} g, {tuned / (2.0 * math.pi):.5g} Hz on a structure at "
+                f"rest, damping ratio {pair.free_damping / (2.0 * tuned * pair.mass):.4g}"
+            )
+            continue
+        fixed = ", fixed in space" if pair.fixed_to == "space" else ""
+        preload = f", {pair.preload_words}" if pair.is_preloaded else ""
+        numbers = pair.law.shown_numbers(pair.effective_mass)
+        of_law = "".join(f"{name} {value:.5g}{unit and f' {unit}'}, " for name, value, unit in numbers)
+        yield (
+            f"contact of {pair.name}: {pair.law.name}, {of_law}restitution {pair.parameters.restitution:.4g}, "
+            f"effective mass {1e3 * pair.effective_mass:.4g} g, {_clearance(pair.gaps)}"
+            f"{preload}{fixed}"
+        )
+    yield f"method: {study.method.get('name', 'newmark')}; {_step_words(study, method)}"
+
+
+def _costs(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]:
+    """Instants, memory and time of each part."""
+    study, small, method, grid = prepared.study, prepared.small, prepared.method, prepared.grid
+    instants = "samples" if step_of(method) is None else "steps"
+    if "history" in parts:
+        yield (
+            f"history: {round(study.history_duration / grid)} {instants}, {grid:.4g} s apart, {study.history_words}, "
+            f"takes about {history_cost(study, small, method, prepared.record)}"
+            f"{_starts_words(small, study.output.starts)}"
+        )
+    if "sweep" in parts and study.sweep is not None:
+        plan = study.sweep
+        cases, middle = most_frequencies(plan), 0.5 * (plan.start + plan.stop)
+        total = cases * plan.cycles / middle / method.time_grid(small, Sine(0.0, middle), 1.0 / middle, Recorder())
+        yield (
+            f"sweep: up to {cases} frequencies from {plan.start:g} to {plan.stop:g} Hz, {plan.cycles} cycles each, "
+            f"{number_text(total, 3)} {instants}, takes about {sweep_cost(study, small, method)} on one core"
+            f"{_starts_words(small, plan.starts)}"
+        )
+    if picture_seconds(study) > 0.0:
+        yield f"figures and movie: about {number_text(picture_seconds(study), 2)} s, when the rest is done"
+    mesh = mesh_memory(prepared.full.nodes.size - 1, small.dofs if study.reduction else None)
+    yield f"mesh and modes: take about {number_text(max(mesh.values()) / 1e6, 3)} MB"
+    yield LIBRARIES
+
+
+def _step_words(study: Study, method: Method) -> str:
+    """How a method advances in time, in words."""
+    step, refine = step_of(method), getattr(method, "refine", 1)
+    if step is None:
+        return "exact between impacts and through compliant ones"
+    origin = "given" if "dt" in study.method else "recommended"
+    return f"step: {step:.4g} s ({origin})" + (f", divided by {refine} in contact" if refine > 1 else "")
+
+
+def _files_elsewhere(study: Study) -> list[str]:
+    """Notes on files that a study reads from outside its folder: it cannot be handed on with that alone."""
+    folder = study.path.parent.resolve()
+    named = {"base.record": study.record, "mesh.file": study.mesh.file}
+    # links are followed
+    places = {key: (name, (folder / name).resolve()) for key, name in named.items() if name}
+    return [
+        f"{key} = {name!r} is outside the folder of the study file: {place}"
+        for key, (name, place) in places.items()
+        if not place.is_relative_to(folder)
+    ]
+
+
+def _starts_words(small: System, starts: int) -> str:
+    """Words on further starts, whose time is in that of the run."""
+    return f", with {starts} further starts of the {carried_words(small)}" if runs_of_starts(small, starts) > 1 else ""
+
+
+def _clearance(gaps: tuple[float, float]) -> str:
+    if math.isfinite(sum(gaps)):
+        return f"total clearance {1e3 * sum(gaps):.4g} mm"
+    return f"wall on the {'+' if math.isfinite(gaps[0]) else '-'} side alone, gap {1e3 * min(gaps):.4g} mm"
 
 
 # ---- files and findings of the parts ----------------------------------------------------------------

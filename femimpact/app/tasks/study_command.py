@@ -15,7 +15,8 @@ from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase
 from femimpact.app.parametric.dataset import endings_of
 from femimpact.app.parametric.definition import ParameterStudy
-from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.measures import Source
+from femimpact.app.parametric.paths import Stage, study_with
 from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
 from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report, best_measures
@@ -24,10 +25,12 @@ from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultsWa
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
-from femimpact.app.tasks.task import write_files
+from femimpact.app.tasks.task import Plan, write_files
 from femimpact.errors import Fault, InputError, require
 from femimpact.figures.study_labels import case_columns
 from femimpact.files import atomic_write
+from femimpact.integrators.cases import cores
+from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
 from femimpact.response.response import Recorder
 from femimpact.units import number_text
 
@@ -68,19 +71,19 @@ def definition_of(study: Study) -> ParameterStudy:
     require(study.plan is not None, "study", None, "", "table [study] is missing from the study")
     plan: Any = study.plan
     try:
-        found = ParameterStudy(
+        cases = ParameterStudy(
             study, plan.axes, plan.measures, starts=plan.starts, seed=plan.seed, sample=plan.sample, cycles=plan.cycles
         )
     except InputError as error:
         raise InputError([_in_file(study, fault) for fault in error.faults]) from None
     if plan.best is not None:
-        _check_best(plan, found)
-    return found
+        _check_best(plan, cases)
+    return cases
 
 
-def _check_best(plan: Any, found: ParameterStudy) -> None:
+def _check_best(plan: Any, cases: ParameterStudy) -> None:
     """Raise `InputError` where [study.best] does not fit the axes and measures of the study."""
-    known = {item.name: item.better for item in found.chosen if not item.is_text}
+    known = {one.name: one.better for one in cases.chosen if not one.is_text}
     try:
         check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
     except InputError as error:
@@ -127,11 +130,11 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     design = next((one for one in best.designs if one.case >= 0), None) if best is not None else None
     if design is None:
         return
-    given: Any = definition.study
+    study: Any = definition.study
     places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
-        atomic_write(path, study_text(_moved(replace(study_with(given, places), plan=None), directory)))
+        atomic_write(path, study_text(_moved(replace(study_with(study, places), plan=None), directory)))
 
 
 def _moved(study: Study, directory: Path) -> Study:
@@ -151,56 +154,55 @@ def _drawn(dataset: xarray.Dataset, best: Mapping[str, BestCase], directory: Pat
     return drawn
 
 
-def plan_lines(study: Study) -> list[str]:
-    """Lines on the number of cases, time, memory and disk space of the parameter study of a study file.
+def plan_of_cases(study: Study) -> Plan:
+    """Number of cases, time, memory and disk space of the parameter study of a study file.
 
     Raises `InputError` as of `definition_of`.
     """
-    from femimpact.app.parametric.measures import Source
-    from femimpact.app.parametric.paths import Stage
-    from femimpact.integrators.cases import cores
-    from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
-
-    given = definition_of(study)
-    method = given.systems.method_of(given.nominal, {})
-    of_cycle = partial(seconds_of_cycle, method, given.nominal, study.excitation.frequency)
-    each, memory = of_cycle(sweep=True) * given.dwell, bytes_of_cycle(method) * AT_ONCE * given.dwell
-    if not given.has_cycle:
-        alone = replace(study, output=replace(study.output, starts=1))
-        one = history_cost(alone, given.nominal, method, Recorder((str(given.observed),)))
-        each, memory = RUN_FACTOR * (one.seconds - START) / RUNS_OF_HISTORY, one.memory * cores()
-    elif any(item.source is Source.RUN for item in given.chosen):
-        each += RUN_FACTOR * of_cycle() * given.dwell
-    seconds = each * given.runs
-    own_modes = [axis for axis, place in enumerate(given.table.places) if place.stage is Stage.MODES]
-    systems = len(set(zip(*(given.table.codes[axis].tolist() for axis in own_modes), strict=True))) if own_modes else 0
-    seconds += SECONDS_OF_MODES * systems
-    drawn = START + (SECONDS_OF_FIGURE * len(given.chosen) if study.output.figures else 0.0)
-    shape = " x ".join(map(str, given.table.shape)) if given.table.is_grid else f"{given.table.size} of a sample"
-    numbers = len(given.chosen) * len(endings_of(given.starts))
-    memory += COLUMN_BYTES * given.table.size * (numbers + 8)
-    return [
-        f"study: {_counted(given.table.size, 'case')} ({shape}), {_counted(given.starts, 'start')} each, "
-        + (f"{given.dwell} cycles, of which {given.dwell // 3} are measured" if given.dwell else study.history_words),
+    cases = definition_of(study)
+    seconds, memory = _cost(cases, study)
+    drawn = START + (SECONDS_OF_FIGURE * len(cases.chosen) if study.output.figures else 0.0)
+    dwell, table = cases.dwell, cases.table
+    shape = " x ".join(map(str, table.shape)) if table.is_grid else f"{table.size} of a sample"
+    return Plan((
+        f"study: {_counted(table.size, 'case')} ({shape}), {_counted(cases.starts, 'start')} each, "
+        + (f"{dwell} cycles, of which {dwell // 3} are measured" if dwell else study.history_words),
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
-        f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(given, study) / 1e6, 2)} MB "
+        f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(cases, study) / 1e6, 2)} MB "
         "on disk",
-    ]
+    ))  # fmt: skip
+
+
+def _cost(cases: ParameterStudy, study: Study) -> tuple[float, float]:
+    """Time (s) of all runs on one core, and memory (bytes)."""
+    method, table = cases.systems.method_of(cases.nominal, {}), cases.table
+    of_cycle = partial(seconds_of_cycle, method, cases.nominal, study.excitation.frequency)
+    seconds, memory = of_cycle(sweep=True) * cases.dwell, bytes_of_cycle(method) * AT_ONCE * cases.dwell
+    if not cases.has_cycle:
+        alone = replace(study, output=replace(study.output, starts=1))
+        history = history_cost(alone, cases.nominal, method, Recorder((str(cases.observed),)))
+        seconds, memory = RUN_FACTOR * (history.seconds - START) / RUNS_OF_HISTORY, history.memory * cores()
+    elif any(measure.source is Source.RUN for measure in cases.chosen):
+        seconds += RUN_FACTOR * of_cycle() * cases.dwell
+    own_modes = [codes.tolist() for codes, at in zip(table.codes, table.places, strict=True) if at.stage is Stage.MODES]
+    systems = len(set(zip(*own_modes, strict=True)))
+    numbers = len(cases.chosen) * len(endings_of(cases.starts))
+    return seconds * cases.runs + SECONDS_OF_MODES * systems, memory + COLUMN_BYTES * table.size * (numbers + 8)
 
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def _disk(given: ParameterStudy, study: Study) -> float:
+def _disk(cases: ParameterStudy, study: Study) -> float:
     """Bytes of all that a study leaves."""
-    cases, names, axes = given.table.size, len(given.chosen), len(given.table.places)
-    variables = names * len(endings_of(given.starts)) + 4
-    blocks = BYTES_OF_FILE + BYTES_OF_BLOCK * len(block_cases(given)) + given.runs * (COLUMN_BYTES * names + 5.0)
-    listed = 0.0 if given.table.is_grid else BYTES_OF_LEVEL * cases * axes
-    dataset = BYTES_OF_FILE + BYTES_OF_VARIABLE * variables + COLUMN_BYTES * cases * (variables + 2)
-    table = BYTES_OF_TEXT * cases * (variables - 4 + axes)
-    figures_of = BYTES_OF_FIGURE * names if study.output.figures else 0.0
-    report = BYTES_OF_REPORT * names * min(cases / CASES_OF_REPORT, 1.0) if study.output.report else 0.0
-    return blocks + listed + dataset + table + figures_of + report
+    size, names, axes = cases.table.size, len(cases.chosen), len(cases.table.places)
+    variables = names * len(endings_of(cases.starts)) + 4
+    blocks = BYTES_OF_FILE + BYTES_OF_BLOCK * len(block_cases(cases)) + cases.runs * (COLUMN_BYTES * names + 5.0)
+    listed = 0.0 if cases.table.is_grid else BYTES_OF_LEVEL * size * axes
+    dataset = BYTES_OF_FILE + BYTES_OF_VARIABLE * variables + COLUMN_BYTES * size * (variables + 2)
+    table = BYTES_OF_TEXT * size * (variables - 4 + axes)
+    figures = BYTES_OF_FIGURE * names if study.output.figures else 0.0
+    report = BYTES_OF_REPORT * names * min(size / CASES_OF_REPORT, 1.0) if study.output.report else 0.0
+    return blocks + listed + dataset + table + figures + report

@@ -35,6 +35,23 @@ class Finished:
     findings: Findings = field(default_factory=Findings)
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a task would do, in lines."""
+
+    costs: tuple[str, ...]  # what is computed, and the memory and time that it takes
+    numbers: tuple[str, ...] = ()  # that follow from the study
+    inputs: tuple[str, ...] = ()  # that the study gives
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """All lines, in the order in which they are printed."""
+        said = [f"{kind}: {text}" for kind in ("note", "warning") for text in getattr(self, f"{kind}s")]
+        return [*self.numbers, *self.inputs, *self.costs, *said]
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """What is computed of a study."""
@@ -43,6 +60,7 @@ class Task:
     findings: Findings  # what is known before the work
     parts: tuple[str, ...]  # names, in their order
     work: Callable[[Report], Iterator[Finished]]  # each part is on disk before the next one begins
+    plan: Callable[[], Plan]
 
 
 def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> StudyResults:
