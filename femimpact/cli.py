@@ -584,12 +584,17 @@ def print_results(directory: Path, quiet: bool = False) -> None:
             print(f"femimpact: {_warnings_page()}", file=sys.stderr)
         return
     where, findings = console(), results.findings
+    if findings.answer:
+        scenes = [FILES[key].name for key in ("report", "movie", "movie_without_encoder", "modes_scene")]
+        first, *others = [name for name in scenes if (directory / name).exists()] or [""]
+        print(*findings.answer, "", f"Look:    {', '.join([str(directory / first), *others])}", sep="\n")
+        print("Next:    femimpact init mine.toml; femimpact check mine.toml; femimpact run mine.toml")
+        return
     for table in tables_of(results):
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
         *conclusion_lines(result_conclusions(results, best_of(results))),
-        *(f"- {text}" for text in findings.remarks),
         *(f"note: {text}" for text in findings.notes),
     ):
         where.print(line)

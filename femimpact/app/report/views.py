@@ -105,7 +105,7 @@ def spectra_of(
 
 
 SECTIONS = {
-    "best": "The best case", "comparison": "The paper and ours", "response": "Response over frequency",
+    "best": "The best case", "response": "Response over frequency", "comparison": "Beside the paper",
     "orbits": "Periodic orbits", "player": "The motion", "drive": "The drive", "motion": "Histories",
     "spectra": "Spectra", "impacts": "Impacts", "energy": "Energy", "modes": "Modes",
     "recommended": "Recommended numbers", "convergence": "Convergence", "decay": "Decay",
