@@ -25,13 +25,6 @@ from femimpact.validation.case import Case, markdown_table, table_row
 
 HERE = Path(__file__).parent
 BLOCK = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
-HEADINGS = {
-    "paper_theory": "paper, theory",
-    "paper_experiment": "paper, experiment",
-    "from_rest_on_base": "from rest relative to the base",
-    "from_rest_in_space": "from rest in the inertial frame",
-}
-"""Words for columns that have the name of a variable."""
 OF_PROGRAMS = ["case", "theirs", "ours", "difference", "bound", "what explains the difference"]
 """Headings of the table of other programs, whose sources are in another table of their page."""
 
@@ -45,15 +38,8 @@ def table(name: str, folder: Path = HERE / "tables") -> str:
     if name == "other_programs":
         cases = [_case(dict(zip(header, row, strict=True))) for row in rows]
         header, rows = OF_PROGRAMS, [[_with_unit(case), *table_row(case)[3:7], case.reason] for case in cases]
-    if name == "comparison":
-        rows = [[_number(word) for word in row] for row in rows]
-    lines = [[HEADINGS.get(word, word) for word in header], ["---"] * len(header), *rows]
+    lines = [header, ["---"] * len(header), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def _number(word: str) -> str:
-    """A number to four digits, anything else as it is."""
-    return f"{float(word):.4g}" if re.fullmatch(r"\d+\.\d+", word) else word
 
 
 def _with_unit(case: Case) -> str:

@@ -337,12 +337,17 @@ def check(study: Path, *, every: Annotated[bool, Parameter(name="--all")] = Fals
 
 
 @app.command
-def modes(study: Path, *, plan: Plan = False, to: To = HERE) -> None:
+def modes(study: Path, *, animate: bool = False, plan: Plan = False, to: To = HERE) -> None:
     """Natural frequencies, damping and effective masses, without the ball and with it glued on.
 
     Example: femimpact modes study.toml
+
+    Parameters
+    ----------
+    animate
+        Leave each mode over its period for ParaView.
     """
-    _run(_study(study, to), "modes", ("modes",), plan, to)
+    _run(_study(study, to), "modes", ("modes",), plan, to, animate)
 
 
 @app.command
@@ -540,11 +545,11 @@ def _study(path: Path, to: To) -> Study:
         return load_study(path)
 
 
-def _run(study: Study, kind: str, parts: tuple[str, ...], plan: bool, to: To) -> None:
+def _run(study: Study, kind: str, parts: tuple[str, ...], plan: bool, to: To, animate: bool = False) -> None:
     from femimpact.app.study.prepared import prepare
     from femimpact.app.tasks.run import task_of_run
 
-    _do(task_of_run(prepare(study, parts), parts), Path(f"{study.path.stem}-{kind}"), plan, to)
+    _do(task_of_run(prepare(study, parts), parts, animate), Path(f"{study.path.stem}-{kind}"), plan, to)
 
 
 def _do(task: Task, usual: Path, plan: bool, to: To) -> None:
@@ -586,12 +591,17 @@ def print_results(directory: Path, quiet: bool = False) -> None:
             print(f"femimpact: {_warnings_page()}", file=sys.stderr)
         return
     where, findings = console(), results.findings
+    if findings.answer:
+        scenes = [FILES[key].name for key in ("report", "movie", "movie_without_encoder", "modes_scene")]
+        first, *others = [name for name in scenes if (directory / name).exists()] or [""]
+        print(*findings.answer, "", f"Look:    {', '.join([str(directory / first), *others])}", sep="\n")
+        print("Next:    femimpact init mine.toml; femimpact check mine.toml; femimpact run mine.toml")
+        return
     for table in tables_of(results):
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
         *conclusion_lines(result_conclusions(results, best_of(results))),
-        *(f"- {text}" for text in findings.remarks),
         *(f"note: {text}" for text in findings.notes),
     ):
         where.print(line)

@@ -16,17 +16,21 @@ from femimpact.app import demo
 from femimpact.app.report.pictures import draw_again
 from femimpact.app.results.picture_data import RANGES, read_results
 from femimpact.app.results.result_directory import result_files
+from femimpact.app.study.findings import Spread
 from femimpact.app.study.summary import spread_of
+from femimpact.cli import print_results
 
 pytestmark = pytest.mark.impacts
 
 PAGE = Path(__file__).parent.parent / "docs" / "paper" / "paper.md"
 EXACT = {
-    "natural frequency without ball",
-    "natural frequency, ball glued on",
-    "damping without ball, by fit",
-    "damping without ball, by half-power",
+    "first frequency, without ball",
+    "first frequency, ball glued on",
+    "damping, without ball",
+    "damping, without ball, by half-power",
+    "largest motion of the tip, without",
 }
+RANGE = r"[\d.]+( mm| Hz| %| N| mN s)? \([\d.]+ to [\d.]+\)"
 
 
 @pytest.fixture(scope="module")
@@ -52,22 +56,22 @@ def comparison(results):
 
 def test_published_figures_stand_beside_ours(comparison):
     rows = {row[0]: row for row in comparison}
-    _, unit, theory, experiment, here, there, method = rows["natural frequency without ball"]
-    assert (unit, float(theory), float(experiment), method) == ("Hz", 5.30, 5.05, "eigenvalue")
-    assert here == there == "5.3"
-    assert rows["natural frequency, ball glued on"][4] == "4.98"
+    _, theory, experiment, here, there, method = rows["first frequency, without ball"]
+    assert (theory, experiment, method) == ("5.30 Hz", "5.05 Hz", "eigenvalue")
+    assert here == there == "5.300 Hz"
+    assert rows["first frequency, ball glued on"][3] == "4.980 Hz"
     # the input ratio found again; a transient of exp(-0.0029 x 2 pi x 267) = 0.8 % is left in the window
-    assert float(rows["damping without ball, by fit"][4]) == pytest.approx(0.29, rel=0.03)
-    assert rows["amplitude ratio without / with"][2:4] == ("5.0", "5.0")
-    assert {"impact force", "peak force", "mean impulse"} <= set(rows)
+    assert float(rows["damping, without ball"][3].removesuffix(" %")) == pytest.approx(0.29, rel=0.03)
+    assert rows["ratio without / with"][1:3] == ("about 5", "about 5")
+    assert {"contact force, mean of a cycle", "contact force, largest", "mean impulse"} <= set(rows)
     # every number names its method, and one name never has two numbers
-    assert all(row[6] for row in comparison)
+    assert all(row[5] for row in comparison)
     assert len(rows) == len(comparison)
 
 
 def test_a_chaotic_peak_has_no_fitted_damping(results, comparison):
     # only the drop of the peak is called a damping of the ball
-    assert [row[0] for row in comparison if "damping with ball" in row[0]] == ["damping with ball, by amplitude ratio"]
+    assert [row[0] for row in comparison if "damping with ball" in row[0]] == ["damping with ball (0.29 % x ratio)"]
     ball = results.summary["sweep"]["ball"]
     assert ball["damping_fit"] is None
     assert ball["damping_half_power"] is None
@@ -80,9 +84,9 @@ def test_what_is_chaotic_is_a_median_within_its_range(results, comparison):
     for start in ("base", "space"):
         for name, spread in results.summary["starts"][start].items():
             assert 0.0 < spread["lowest"] <= spread["median"] <= spread["highest"], (start, name)
-    chaotic = [row[4:6] for row in comparison if row[0] not in EXACT]
+    chaotic = [row[3:5] for row in comparison if row[0] not in EXACT]
     assert len(chaotic) == 6
-    assert all(re.fullmatch(r"[\d.]+ \([\d.]+ to [\d.]+\)", cell) for pair in chaotic for cell in pair)
+    assert all(re.fullmatch(rf"{RANGE}( at {RANGE})?", cell) for pair in chaotic for cell in pair)
     scan, starts = read_csv(results.directory / "restitution.csv"), ("base", "space")
     np.testing.assert_array_equal(scan["restitution"], [0.6, 0.78])
     for name in (f"{start}_{name}" for start in starts for name in ("peak_frequency", "amplitude_ratio")):
@@ -100,13 +104,43 @@ def test_the_table_of_the_page_on_the_paper_has_the_rows_of_the_demo(comparison)
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
     rows = [row for row in rows if len(row) == len(comparison[0])]
-    for name, unit, theory, experiment, here, there, method in comparison:
+    for name, theory, experiment, here, there, method in comparison:
         (row,) = [row for row in rows if row[0] == name]
-        assert row[1] == unit
-        assert row[2:4] == ["" if value in ("", None) else f"{float(value):.5g}" for value in (theory, experiment)]
-        assert row[6] == method
-        if name.startswith("natural frequency"):
-            assert row[4:6] == [here, there]
+        assert [*row[1:3], row[5]] == [theory, experiment, method]
+        if name.startswith("first frequency"):
+            assert row[3:5] == [here, there]
+
+
+def test_the_answer_is_the_start_at_rest_relative_to_the_base(results, comparison, capsys):
+    print_results(results.directory)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == (
+        "A cantilever on a shaker (0.2037 mm); in a box at its tip a loose ball of 3.43 g, 4 mm from each wall."
+    )
+    # what stands in the table of the report, for that start
+    for line, (name, theory, _, here, *_) in zip(lines[3:12], comparison, strict=False):
+        assert (line[:37].rstrip(), line[37:47].rstrip(), line[47:]) == (name, theory or "-", here)
+    starts, words = results.summary["starts"], " ".join(" ".join(lines[13:17]).split())
+    ratio, there = (starts[start]["amplitude_ratio"] for start in ("base", "space"))
+    assert f"At rest in space the ratio is {Spread(**there).text(digits=3)} at " in words
+    assert words.startswith(f"The ball lowers the largest motion of the tip to {demo.SHARES[round(ratio['median'])]}.")
+    share = results.summary["sweep"]["empty"]["peak_amplitude"] / 0.23026615
+    assert f"{share:.2g} of the length" in words
+    assert f"some {100 * share**2:.2g} % off" in words
+    assert len(lines) == 20
+    # files that are there
+    _, first, *others = lines[-2].replace(",", "").split()
+    assert Path(first) == results.directory / "report.html"
+    assert others == []
+    for command in lines[-1].removeprefix("Next:    ").split("; "):
+        assert command.startswith("femimpact ")
+
+
+def test_quiet_leaves_warnings_alone(results, capsys):
+    print_results(results.directory, quiet=True)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "beyond 0.1" in said.err
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,12 @@ TWO = dataclasses.replace(
 
 
 def constants(path):
-    """Names at the top level of a script that have a literal value; the script must compile."""
+    """What the script in the folder of a file says of it; the script must compile."""
+    return said_of_all(path)["FILES"][path.name]
+
+
+def said_of_all(path):
+    """Names at the top level of a script that have a literal value."""
     tree = ast.parse(script_path(path).read_text(encoding="utf-8"))
     compile(tree, "script", "exec")
     found = {}
@@ -85,10 +90,38 @@ def test_colours_are_those_of_a_preset_that_has_one_neutral_colour_at_zero(tmp_p
 
 def test_the_text_of_one_file_needs_no_field_data(tmp_path, system, reference):
     path = vtk.write_modes(tmp_path / "modes.vtkhdf", system, fi.solve_modes(system, 2), reference)
-    text = script_path(path).read_text(encoding="utf-8")
-    (line,) = [line for line in text.splitlines() if line.startswith("text.Expression = ")]
     # names that ParaView's annotation defines itself
-    assert eval(ast.literal_eval(line.split(" = ", 1)[1]), {"t_value": 2.0}) == "time value 2"
+    assert eval(constants(path)["WORDS"], {"t_value": 2.0}) == "time value 2"
+
+
+def test_one_script_opens_every_file_of_its_folder(tmp_path, system, reference):
+    modes = fi.solve_modes(system, 2)
+    first = vtk.write_modes(tmp_path / "modes.pvd", system, modes, reference)
+    alone = constants(first)
+    second = vtk.write_mode(tmp_path / "mode_2.pvd", system, modes, reference, mode=2, frames=4)
+    said = said_of_all(first)
+    # the last one unless another is asked for, and what is said of the first one stays
+    assert said["FILE"] == "mode_2.pvd"
+    assert list(said["FILES"]) == ["modes.pvd", "mode_2.pvd"]
+    assert constants(first) == alone
+    assert [file.name for file in tmp_path.glob("*.py")] == [script_path(second).name]
+    # a file that is gone is left out, and what is changed by hand stays
+    second.unlink()
+    script = script_path(first)
+    script.write_text(script.read_text().replace("'START': 1.0", "'START': 2.0"))
+    vtk.write_mode(tmp_path / "mode_1.pvd", system, modes, reference, mode=1, frames=4)
+    assert list(said_of_all(first)["FILES"]) == ["modes.pvd", "mode_1.pvd"]
+    assert constants(first)["START"] == 2.0
+
+
+@pytest.mark.parametrize(
+    "text", ["FILES = [1]", "FILES = {'modes.pvd': open}", "not (python", "\0", "", "FILES = {1: 2}"]
+)
+def test_what_is_no_script_of_ours_is_replaced(tmp_path, system, reference, text):
+    path = tmp_path / "modes.pvd"
+    script_path(path).write_text(text)
+    vtk.write_modes(path, system, fi.solve_modes(system, 1), reference)
+    assert list(said_of_all(path)["FILES"]) == ["modes.pvd"]
 
 
 @pytest.fixture(scope="module")

@@ -179,6 +179,26 @@ def test_the_last_cycles_cost_no_more_than_they_take(study, method, cycles, monk
         np.testing.assert_array_equal(cut.channels[name], values)
 
 
+@pytest.mark.parametrize("method", ["newmark", "event-driven"])
+@pytest.mark.parametrize("every", [None, 3])
+def test_a_file_keeps_some_twenty_rows_of_a_cycle_unless_the_study_says_how_many(study, tmp_path, method, every):
+    output = dataclasses.replace(study.output, every=every)
+    changed = dataclasses.replace(study, duration=7.3 / study.base.frequency, method={"name": method}, output=output)
+    run = run_simulation(prepare(changed, ("simulate",)))
+    kept = run_study(changed, tmp_path / "out", parts=("simulate",)).history
+    # bits of the run, from its start on
+    rows = np.searchsorted(run.time, kept["time"])
+    np.testing.assert_array_equal(run.time[rows], kept["time"])
+    for name, values in run.channels.items():
+        np.testing.assert_array_equal(values[rows], kept[name])
+    np.testing.assert_array_equal(run.energy.work[rows], kept["energy_work"])
+    stride = 1 if every else max(rows[1], 2)
+    np.testing.assert_array_equal(rows, np.arange(0, run.time.size, stride))
+    # one row more in a cycle would be too many
+    per_cycle = 1.0 / (study.base.frequency * float(kept["time"][1]))
+    assert every or 20.0 <= per_cycle * (1.0 + 1e-9) < 20.0 * (stride + 1) / stride
+
+
 # ---- the study as text ----------------------------------------------------------------------------
 
 LAW_OF = {
@@ -317,7 +337,8 @@ def test_a_summary_has_every_channel_and_what_the_method_does_to_the_restitution
     study, tmp_path, method, by, capsys
 ):
     asked = ("root.surface_stress", "tip.absolute_acceleration")
-    output = dataclasses.replace(study.output, channels=asked, figures=False)
+    kept_by = {"event-driven": 1, "newmark": 10}
+    output = dataclasses.replace(study.output, channels=asked, figures=False, every=kept_by[method])
     changed = dataclasses.replace(study, method={"name": method}, output=output, sweep=None)
     results = run_study(changed, tmp_path / "out", parts=("simulate",))
     kept, found = results.history, results.summary["history"]["channels"]

@@ -111,8 +111,8 @@ NAMES = """
 
 COMMANDS = "demo init check modes simulate sweep run converge figures movie report validate"
 FILE_NAMES = """
-    summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc snapshots.nc
-    last_cycles.nc paraview/modes.pvd paraview/deflection.pvd movie.mp4 movie.gif comparison.csv restitution.csv
+    summary.json study.toml modes.csv modes.nc sweep.csv sweep.nc history.nc impacts.csv impacts.nc
+    paraview/modes.pvd paraview/deflection.pvd movie.mp4 movie.gif comparison.csv restitution.csv
     curves_of_starts.csv report.html
 """
 MODULES = {

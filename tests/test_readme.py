@@ -160,8 +160,9 @@ def test_the_page_on_paraview_runs_as_it_stands(monkeypatch, tmp_path):
     names = ran("docs/howto/mode_shapes_in_paraview.md")
     assert len(names["blocks"]) == 4
     assert len(list((tmp_path / "mode_2").iterdir())) == 24
-    for page in ("modes_paraview.py", "mode_2_paraview.py"):
-        compile((tmp_path / page).read_text(encoding="utf-8"), page, "exec")
+    text = (tmp_path / "open_in_paraview.py").read_text(encoding="utf-8")
+    compile(text, "open_in_paraview.py", "exec")
+    assert all(f"'{name}.pvd': " in text for name in ("modes", "mode_2"))
 
 
 def test_the_page_on_spectra_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
@@ -183,7 +184,7 @@ def test_the_page_on_root_stress_runs_as_it_stands(root_stress):
     folder = root_stress["folder"]
     written = np.loadtxt(folder / "root_stress.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(written[:, 1], root_stress["histories"]["with ball"][1])
-    compile((folder / "deflection_paraview.py").read_text(encoding="utf-8"), "deflection_paraview.py", "exec")
+    compile((folder / "open_in_paraview.py").read_text(encoding="utf-8"), "open_in_paraview.py", "exec")
 
 
 def test_the_page_on_root_stress_counts_ranges_as_the_standard_does(root_stress):

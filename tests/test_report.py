@@ -182,7 +182,7 @@ def test_the_command_writes_the_page_or_says_why_not(results, tmp_path, capsys):
 
 DAMAGE = {"gone": None, "empty": b"", "another file": b"[1, 2]", "zeros": b"\x89HDF\r\n\x1a\n" + bytes(500)}
 
-READ = ("summary.json", "study.toml", "modes.csv", "modes.nc", "sweep.nc", "history.nc", "impacts.csv", "snapshots.nc")
+READ = ("summary.json", "study.toml", "modes.csv", "modes.nc", "sweep.nc", "history.nc", "impacts.csv")
 
 
 @pytest.mark.parametrize(
@@ -258,16 +258,16 @@ def test_a_foreign_folder_gets_no_page(name, tmp_path):
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-def test_a_history_without_a_contact_has_no_figure_and_no_warning_of_it(tmp_path):
+def test_a_history_without_a_contact_has_figures_without_contacts_and_no_warning(tmp_path):
     short = short_study(1.0, figures=True, paraview=False, movie=False, frames=0, starts=1)
     bare = replace(short, structure=replace(short.structure, impactors=()), sweep=None)
     found = run_study(bare, tmp_path / "out", parts=("simulate",))
     assert not any("not drawn" in text for text in found.summary["warnings"])
-    assert not list((tmp_path / "out").rglob("*.png"))
+    assert {file.stem for file in (tmp_path / "out").rglob("*.png")} == {"drive", "history", "energy"}
 
 
 def test_results_of_a_version_without_these_files_make_a_report(results):
-    for name in ("modes.nc", "snapshots.nc", "impacts.nc"):
+    for name in ("modes.nc", "history.nc", "impacts.nc"):
         (results / name).unlink()
     summary = json.loads((results / "summary.json").read_text())
     old = {key: value for key, value in summary.items() if key in ("study", "natural_frequency", "sweep", "warnings")}

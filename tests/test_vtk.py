@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import FILES
+from builders import FILES, NO_PICTURES, short_study
 from grids import points_of, read_series
 
 import femimpact as fi
@@ -352,8 +352,29 @@ def test_what_ties_two_places_of_the_beam_moves_with_both_sections(tmp_path):
             assert grid["displacement"][low, 0] == pytest.approx(leg * slope, abs=1e-9)
 
 
-def test_scripts_of_a_study_have_the_names_that_the_study_knows():
+def test_the_script_of_a_study_has_the_name_that_the_study_knows():
     scenes = [name for name in FILES if name.endswith("_scene")]
     assert len(scenes) > 2
     for name in scenes:
-        assert FILES[name.replace("_scene", "_script")].name == script_path(Path(FILES[name].name)).as_posix()
+        assert FILES["scene_script"].name == script_path(Path(FILES[name].name)).as_posix()
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_modes_of_a_study_are_animated_where_that_is_asked_for(tmp_path, free):
+    study = short_study(1.0, **NO_PICTURES)
+    if free:
+        # about a single spring it turns
+        springs = (fi.Spring("spring", at=0.1, stiffness=100.0),)
+        turning = {"supports": (), "springs": springs, "damping": fi.Rayleigh(ratio=0.003, modes=(2, 3))}
+        study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, **turning))
+    names = [f"mode_{i}.pvd" for i in range(1 + free, 5)]
+    for animate, expected in ((False, []), (True, names)):
+        results = fi.run_study(study, tmp_path / str(animate), parts=("modes",), animate=animate)
+        folder = results.directory / "paraview"
+        assert sorted(file.name for file in folder.glob("mode_?.pvd")) == expected
+        assert folder.exists() == animate
+    # a rigid motion has no period
+    rigid = results.modes["natural_frequency"] == 0.0
+    assert list(rigid) == [free, False, False, False]
+    assert (folder / "modes.pvd").exists()
+    assert f"FILE = {'modes.pvd'!r}" in (folder / "open_in_paraview.py").read_text(encoding="utf-8")

@@ -61,14 +61,14 @@ def test_a_study_leaves_the_file_that_it_asks_for(tmp_path, paraview):
     study = short_study(1.0, frames=8, figures=False, movie=False, paraview=paraview, vtkhdf=True)
     folder = run_study(study, tmp_path / "out", parts=("simulate",)).directory / "paraview"
     steps = list(steps_of(folder / "deflection.vtkhdf"))
-    script = (folder / "deflection_paraview.py").read_text(encoding="utf-8")
+    script = (folder / "open_in_paraview.py").read_text(encoding="utf-8")
     assert len(steps) >= 8
+    assert f"FILE = {'deflection.pvd' if paraview else 'deflection.vtkhdf'!r}" in script
+    assert "'deflection.vtkhdf': {" in script
     if not paraview:
-        assert "deflection.vtkhdf" in script
         assert not list(folder.glob("deflection.pvd"))
         return
     frames = list(zip(*read_series(folder / "deflection.pvd"), strict=True))
-    assert "deflection.pvd" in script
     assert len(frames) == len(steps)
     for (time, frame), (own, step) in zip(frames, steps, strict=True):
         assert own == time

@@ -1,6 +1,6 @@
 """Mode shapes and deflections of a solid beam as files for ParaView, and as grids of pyvista.
 
-Fields are there for colours and arrows; each file has a script beside it that opens it.
+Fields are there for colours and arrows; one script in each folder opens its files.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def write_modes(
     ----------
     path : str or Path
         A `.pvd` file, whose frames go into a folder of the same name, or a `.vtkhdf` file (ParaView 5.12 or newer).
-        A script `NAME_paraview.py` beside it opens it in ParaView.
+        The script `open_in_paraview.py` beside it opens it in ParaView.
     system : System
     modes : Modes
         Of that system.
@@ -128,7 +128,7 @@ def write_deflection(
     ----------
     path : str or Path
         A `.pvd` file, whose frames go into a folder of the same name, or a `.vtkhdf` file (ParaView 5.12 or newer).
-        A script `NAME_paraview.py` beside it opens it in ParaView.
+        The script `open_in_paraview.py` beside it opens it in ParaView.
     response : Response
         With snapshots.
     structure : Structure

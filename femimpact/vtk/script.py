@@ -1,9 +1,12 @@
-"""The script for ParaView that opens the files of a run: its template, and what is filled in."""
+"""The script for ParaView that opens the files of a folder: its template, and what is filled in."""
 
 from __future__ import annotations
 
+import ast
 import math
+import pprint
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +19,14 @@ from femimpact.scene.scene import BEAM, CONNECTION, CONTACT_POINT, PARTS
 from femimpact.vtk.formats import Frame, Series
 from femimpact.vtk.modes import RELATIVE_STRESS, largest_known
 
-TEMPLATE = '''"""@TITLE@
+TEMPLATE = '''"""Opens the files for ParaView that lie beside this script.
 
 Written by femimpact. In ParaView: View > Python Shell > Run Script. In a terminal:
 
-    pvpython @STEM@                         a window
-    pvpython @STEM@ PICTURE.png [TIME]      a picture at a time value, START unless given
+    pvpython @SCRIPT@ [FILE]                         a window
+    pvpython @SCRIPT@ [FILE] PICTURE.png [TIME]      a picture at a time value, START unless given
 
-The data is expected beside this script. START and CLOSE_UP are there to be changed.
+FILE below is opened unless another one is given. It is there to be changed, as START and CLOSE_UP of each file.
 """
 
 import os
@@ -31,28 +34,29 @@ import sys
 
 from paraview.simple import *
 
-START = @START@  # the time value shown first: @WHY@
-CLOSE_UP = @CLOSE_UP@  # what a second view looks at, a name of CLOSE_UPS; None: no second view
+FILE = @FILE@
+
+# START: the time value shown first. CLOSE_UP: what a second view looks at, a name of CLOSE_UPS; None: no second view.
+# WORDS: expression of the text at the top. COLOUR: array that colours the beam, CALCULATED: the expression of it.
+# BARS: end of the colour bar, and its title; one for each time value, or one for all.
+# BOUNDS: m, of all frames. CLOSE_UPS: m, of all frames, with the longest arrow.
+# PARTS: number, name, colour and width of lines of the parts that carry no field.
+# ARROWS: vectors at points of contact, metres of arrow for each unit, metres along x beside the contact, colour.
+FILES = @FILES@
 
 try:
     SCRIPT = __file__
 except NameError:
     SCRIPT = sys._getframe().f_code.co_filename
-DATA = os.path.join(os.path.dirname(os.path.abspath(SCRIPT)), "@FILE@")
+arguments = sys.argv[1:]
+if arguments and not arguments[0].endswith(".png"):
+    FILE = os.path.basename(arguments.pop(0))
+if FILE not in FILES:
+    raise RuntimeError("%s: must be one of %s" % (FILE, ", ".join(FILES)))
+DATA = os.path.join(os.path.dirname(os.path.abspath(SCRIPT)), FILE)
 if not os.path.isfile(DATA):
-    raise RuntimeError(DATA + " is missing: run this script from its file, beside @FILE@")
-
-# end of the colour bar, and its title: one for each time value, or one for all
-BARS = @BARS@
-COLOUR = @COLOUR@  # array that colours the beam
-BOUNDS = @BOUNDS@  # m, of all frames
-# m, of all frames, with the longest arrow
-CLOSE_UPS = @CLOSE_UPS@
-# number, name, colour and width of lines of the parts that carry no field
-PARTS = @PARTS@
-# vectors at points of contact, metres of arrow for each unit, metres along x beside the contact, colour
-ARROWS = @ARROWS@
-LEGEND = @LEGEND@
+    raise RuntimeError(DATA + " is missing: run this script from its file, beside " + FILE)
+globals().update(FILES[FILE])
 BLACK = [0.0, 0.0, 0.0]
 TEXT, BAR = 0.13, 0.15  # of the height, for the text above the beam and the colour bar below it
 SHARE = 0.64  # of the width, for the first of two views
@@ -60,12 +64,12 @@ TILT, CLOSE_TILT = 0.5, 0.1  # of the line of sight, towards y
 NAME = "whole beam"
 
 reader = OpenDataFile(DATA)
-RenameSource("@FILE@", reader)
+RenameSource(FILE, reader)
 scene = GetAnimationScene()
 scene.UpdateAnimationUsingDataTimeSteps()
 times = list(reader.TimestepValues)
-if len(sys.argv) > 2 and sys.argv[1].endswith(".png"):
-    START = float(sys.argv[2])
+if arguments[1:]:
+    START = float(arguments[1])
 start = min(times, key=lambda t: abs(t - START))
 if not times[0] <= START <= times[-1]:
     print("%g is outside %g to %g: %g is shown" % (START, times[0], times[-1], start), file=sys.stderr)
@@ -91,7 +95,7 @@ warp.ScaleFactor = 1.0
 
 solid = part(@BEAM@, "beam", warp)
 beam = Calculator(registrationName="stress", Input=solid)
-beam.Function, beam.ResultArrayName = @CALCULATED@, COLOUR
+beam.Function, beam.ResultArrayName = CALCULATED, COLOUR
 # source, colour, width of lines, whether the edges of its cells are drawn: a ball has facets
 drawn = [(part(number, name, warp), colour, width, name != "ball") for number, name, colour, width in PARTS]
 drawn.append((edges(solid, "edges of the beam"), (0.25, 0.25, 0.25), 1.0, False))
@@ -179,7 +183,7 @@ shown.SetScalarBarVisibility(view, True)
 
 text = PythonAnnotation(registrationName="text", Input=reader)
 text.ArrayAssociation = "Field Data"
-text.Expression = @TEXT@
+text.Expression = WORDS
 write(view, text, 18, "Upper Left Corner")
 
 layout = GetLayout(view)
@@ -238,11 +242,11 @@ exec(TICK, space)
 space["rescale"](start)
 
 # in ParaView's window there is no script among the arguments
-alone = sys.argv[0].endswith("@STEM@")
+alone = sys.argv[0].endswith("@SCRIPT@")
 if alone:
     layout.SetSize(PIXELS)
-if len(sys.argv) > 1 and sys.argv[1].endswith(".png"):
-    SaveScreenshot(sys.argv[1], layout, ImageResolution=PIXELS)
+if arguments:
+    SaveScreenshot(arguments[0], layout, ImageResolution=PIXELS)
 else:
     RenderAllViews()
     if alone:
@@ -272,9 +276,8 @@ WITHOUT_FIELDS = "'time value %.6g' % t_value"
 
 @dataclass(frozen=True)
 class View:
-    """Words of a script, and the expressions of its colours and of the text at its top."""
+    """Expressions of the colours of a series and of the text at its top."""
 
-    title: str  # of the docstring
     text: str  # expression of ParaView's Python annotation, on the field data
     # array that colours the beam, the expression of ParaView's calculator that makes it, and the title of its bar, in
     # which `{mode}` is the number of the mode
@@ -285,18 +288,15 @@ class View:
 OF_MODE = ("share_of_stress", RELATIVE_STRESS, "axial stress, as a share of the largest of mode {mode:.0f}")
 IN_MPA = ("axial_stress_MPa", "axial_stress / 1e6", "axial stress (MPa)")
 MODES = View(
-    "Mode shapes, one time value for each mode: its number. The colour bar is that of the mode.",
     "'mode %d: %.5g Hz' % (mode[0], natural_frequency[0])",
     OF_MODE,
     each=True,
 )
 MODE = View(
-    "One mode over one period: press Play.",
     "'mode %d: %.5g Hz, phase %3.0f degrees' % (mode[0], natural_frequency[0], 57.29577951 * phase[0])",
     OF_MODE,
 )
 DEFLECTION = View(
-    "The moving beam, with arrows of the contact forces and, at an impact, of its impulse.",
     "name.GetValue(0).replace(', ', '\\n', 1) + '\\n' + contacts.GetValue(0)"
     " + ('\\ndisplacement drawn %g times as large' % exaggeration[0] if exaggeration[0] != 1 else '')",
     IN_MPA,
@@ -389,8 +389,8 @@ def _summary_of(series: Series, frame: Frame, k: int, pair_of_entry: NDArray[np.
 
 
 def script_path(path: Path) -> Path:
-    """Path of the script of a series: NAME_paraview.py beside NAME.pvd."""
-    return path.with_name(f"{path.stem}_paraview.py")
+    """Path of the script of a series, one for all in a folder."""
+    return path.with_name("open_in_paraview.py")
 
 
 def write_script(
@@ -399,47 +399,59 @@ def write_script(
     summary: SeriesSummary,  # of the series that was written
     names: Sequence[str] = (),  # of the contacts that a second view may show; none for no second view
 ) -> Path:
-    """Write the script of a series."""
+    """Write the script of a series, or add the series to that of its folder."""
     size = float(summary.all.high[0] - summary.all.low[0])
-    first, why = _first(summary)
+    first = _first(summary)
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
     margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
     close = {name: summary.contacts[pair].with_arrows(*margins).bounds() for pair, name in enumerate(names)}
     arrows = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
+    about = {
+        "START": first.time,
+        "CLOSE_UP": names[max(first.pressed, 0)] if names else None,
+        "WORDS": view.text if path.suffix == ".pvd" else WITHOUT_FIELDS,
+        "COLOUR": view.stress[0],
+        "CALCULATED": view.stress[1],
+        "BARS": _bars(view, summary),
+        "BOUNDS": summary.all.with_arrows(*margins).bounds(),
+        "CLOSE_UPS": close,
+        "PARTS": _parts(summary),
+        "ARROWS": _arrows(summary, size),
+        "LEGEND": "\n".join(f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in arrows if peak > 0.0),
+    }
+    script = script_path(path)
+    series = {**_series_of(script), path.name: about}
     lines = {
-        "TITLE": view.title,
-        "STEM": script_path(path).name,
-        "FILE": path.name,
-        "START": repr(first.time),
-        "WHY": why,
-        "CLOSE_UP": repr(names[max(first.pressed, 0)] if names else None),
-        "TEXT": repr(view.text if path.suffix == ".pvd" else WITHOUT_FIELDS),
-        "BARS": _listed(_bars(view, summary)),
-        "BOUNDS": repr(summary.all.with_arrows(*margins).bounds()),
-        "COLOUR": repr(view.stress[0]),
-        "CALCULATED": repr(view.stress[1]),
-        "CLOSE_UPS": "{" + "".join(f"\n    {name!r}: {space!r}," for name, space in close.items()) + "\n}",
-        "PARTS": _listed(_parts(summary)),
-        "ARROWS": _listed(_arrows(summary, size)),
-        "LEGEND": repr("\n".join(f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in arrows if peak > 0.0)),
+        "SCRIPT": script.name,
+        "FILE": repr(path.name),
+        "FILES": pprint.pformat(series, width=118, sort_dicts=False),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }
     text = TEMPLATE
     for name, value in lines.items():
         text = text.replace(f"@{name}@", value)
-    script = script_path(path)
     atomic_write(script, text)
     return script
 
 
-def _first(summary: SeriesSummary) -> tuple[FrameSummary, str]:
+def _series_of(script: Path) -> dict[str, Any]:
+    """What a script says of each series that is still beside it; nothing where it is not there or not of femimpact."""
+    with suppress(OSError, SyntaxError, ValueError, AttributeError, TypeError):
+        lines = [line for line in ast.parse(script.read_text(encoding="utf-8")).body if isinstance(line, ast.Assign)]
+        values = {ast.unparse(line.targets[0]): line.value for line in lines}
+        series = ast.literal_eval(values.get("FILES", "{}"))
+        return {name: about for name, about in series.items() if script.with_name(name).is_file()}
+    return {}
+
+
+def _first(summary: SeriesSummary) -> FrameSummary:
     """The frame that is shown first: of the largest impulse, else of the largest force, else the first one."""
     frames = [summary.frames[k] for k in sorted(summary.frames)]
-    for name, why in (("contact_impulse_vector", "the largest impact"), ("contact_force_vector", "the largest force")):
+    for name in ("contact_impulse_vector", "contact_force_vector"):
         if summary.peak(name) > 0.0:
-            return max(frames, key=lambda frame: frame.peaks[name]), why
-    return frames[0], "the first one"
+            return max(frames, key=lambda frame: frame.peaks[name])
+    return frames[0]
 
 
 def _bars(view: View, summary: SeriesSummary) -> list[tuple[float, str]]:
@@ -474,7 +486,3 @@ def _rounded_up(value: float) -> float:
         return 1.0
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / unit * (1.0 - 1e-9)) * unit:.2g}")
-
-
-def _listed(rows: list[Any]) -> str:
-    return "(" + "".join(f"\n    {row!r}," for row in rows) + ("\n)" if rows else ")")

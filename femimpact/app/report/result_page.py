@@ -283,8 +283,7 @@ Beside = list[Element | Table | str]
 def tables_of(results: ResultReading) -> Iterator[Table]:
     """Tables of results that stand on the page and on the terminal alike."""
     for key, make in (
-        ("modes", _modes), ("comparison", _comparison), ("motion", _motion), ("orbits", _orbits),
-        ("recommended", _recommended), ("box", _boxes),
+        ("modes", _modes), ("motion", _motion), ("orbits", _orbits), ("recommended", _recommended), ("box", _boxes),
     ):  # fmt: skip
         parts = results.attempt(SECTIONS[key], partial(make, results)) or []
         yield from (part for part in parts if isinstance(part, Table))
@@ -367,26 +366,8 @@ def _comparison(results: ResultReading) -> Beside:
 
 
 def _comparison_table(columns: Mapping[str, Any], _units: Mapping[str, str], file: str) -> Table:
-    heads = {
-        "paper_theory": "paper, theory",
-        "paper_experiment": "paper, experiment",
-        "from_rest_on_base": "ours, from rest relative to the base",
-        "from_rest_in_space": "ours, from rest in the inertial frame",
-    }
-    header = tuple(heads.get(name, name) for name in columns)
-    rows = tuple(zip(*map(_plain_column, columns.values()), strict=True))
-    return Table("The paper beside ours: median and range over starts", header, rows, file)
-
-
-def _plain_column(values: Any) -> list[Any]:
-    """A column of texts with those that are numbers as numbers."""
-    cells: list[Any] = []
-    for one in np.asarray(values).tolist():
-        try:
-            cells.append(float(f"{float(one):.6g}"))
-        except ValueError:
-            cells.append(one or None)
-    return cells
+    rows = tuple(tuple(str(cell) or None for cell in row) for row in zip(*columns.values(), strict=True))
+    return Table("The paper beside ours: median and range over starts", tuple(columns), rows, file)
 
 
 def _modes(results: ResultReading) -> Beside:

@@ -105,7 +105,7 @@ def spectra_of(
 
 
 SECTIONS = {
-    "best": "The best case", "comparison": "The paper and ours", "response": "Response over frequency",
+    "best": "The best case", "response": "Response over frequency", "comparison": "Beside the paper",
     "orbits": "Periodic orbits", "player": "The motion", "drive": "The drive", "motion": "Histories",
     "spectra": "Spectra", "impacts": "Impacts", "box": "Does the ball fit", "energy": "Energy", "modes": "Modes",
     "recommended": "Recommended numbers", "convergence": "Convergence", "decay": "Decay",
@@ -201,13 +201,13 @@ VIEWS = (
         when=_has_impacts, file="impacts",
     ),
     View(
-        "impacts", Run, "contact_force", file="last_cycles",
+        "impacts", Run, "contact_force", file="history",
         figure=lambda run: figures.contact_force(run.end, averaged=False, figure=OFF_SCREEN),
         # a rigid impact has an impulse and no force to draw
         when=lambda run: run.end is not None and bool(set(run.end.impacts.law.values()) - {Rigid.name}),
     ),
     View(
-        "motion", Run, "phase_portrait", file="last_cycles",
+        "motion", Run, "phase_portrait", file="history",
         figure=lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
         when=lambda run: run.end is not None and bool(run.end.system.balls),
     ),

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femimpact.app.results.results import load_dataset, undamaged
+from femimpact.app.results.results import undamaged
 from femimpact.arrays import Array
 from femimpact.errors import faults_of, quantity, require, require_path, takes
+from femimpact.files import load_netcdf
 from femimpact.orbits.branch import Bifurcation, Branch
 from femimpact.orbits.parameter import NUMBERS
 
@@ -64,7 +65,7 @@ def load_branch(path: str | Path, *, number: int = 1) -> Branch:
     require(Path(path).exists(), "path", str(path), "", "is missing")
     with faults_of("path"):
         # `to_netcdf` of some versions writes another format
-        branches = undamaged(Path(path), lambda file: branches_of(load_dataset(file, None)))
+        branches = undamaged(Path(path), lambda file: branches_of(load_netcdf(file, None)))
     require(number <= len(branches), "number", number, "", f"must be <= {len(branches)}: the file has no more branches")
     return branches[number - 1]
 

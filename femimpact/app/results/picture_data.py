@@ -49,6 +49,9 @@ SNAPSHOT_DIMS = {
     "contact_force": "contact",
 }
 
+SNAPSHOTS, LAST_CYCLES = "snapshots", "last_cycles"
+"""Groups of the file of a history: whole deflections, and channels at every step."""
+
 NOWHERE = DrawnSystem(np.zeros(0), {})
 """Places and contacts of results whose study cannot be read."""
 
@@ -187,15 +190,15 @@ class ResultReading:
             self.missing.append(plain)
         return plain
 
-    def of_file(self, key: str, make: Callable[[xarray.Dataset], T]) -> T | None:
-        """What is made of one of the netCDF files of `FILES`; None where there is none, or it cannot be read."""
+    def of_file(self, key: str, make: Callable[[xarray.Dataset], T], group: str | None = None) -> T | None:
+        """What is made of a netCDF file of `FILES`, or of its group; None where there is none, or it cannot be read."""
         name = FILES[key].name
-        data: xarray.Dataset | None = self.table(name)
+        data: xarray.Dataset | None = self.table(name, group)
         return None if data is None else self.attempt(name, lambda: make(data))
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str, group: str | None = None) -> Any:
         """A file of the results, as `read_file`; None where there is none, or it cannot be read."""
-        return self.attempt(name, lambda: read_file(self.folder, name, self.findings.checksums))
+        return self.attempt(name, lambda: read_file(self.folder, name, self.findings.checksums, group))
 
     def units(self, name: str) -> dict[str, str]:
         """Units of the columns of a table that was read."""
@@ -279,7 +282,7 @@ class ResultReading:
     @cached_property
     def film(self) -> Response | None:
         """A response with snapshots, and without a history."""
-        return None if self.system is None else self.of_file("snapshots", self._film)
+        return None if self.system is None else self.of_file("history", self._film, SNAPSHOTS)
 
     def _film(self, data: xarray.Dataset) -> Response:
         arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
@@ -290,7 +293,7 @@ class ResultReading:
     @cached_property
     def last_cycles(self) -> Response | None:
         """The last cycles of a run at every step, with all of its impacts."""
-        return None if self.system is None else self.of_file("last_cycles", self._last_cycles)
+        return None if self.system is None else self.of_file("history", self._last_cycles, LAST_CYCLES)
 
     def _last_cycles(self, data: xarray.Dataset) -> Response:
         statistics = {item.name: data.attrs[item.name] for item in dataclasses.fields(ImpactStatistics)}

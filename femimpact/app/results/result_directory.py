@@ -69,20 +69,16 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "mode_shapes": ("modes.nc", "mode shapes with labels (netCDF, xarray)", "modes"),
     "sweep": ("sweep.csv", "response curves, a row for each frequency", "sweep"),
     "sweep_data": ("sweep.nc", "response curves with labels (netCDF, xarray)", "sweep"),
-    "history": ("history.nc", "every channel over time (netCDF, xarray)", "history"),
+    "history": ("history.nc", "every channel over time, and the last cycles finely (netCDF, xarray)", "history"),
     "impacts": ("impacts.csv", "every impact, a row each", "history"),
     "impact_data": ("impacts.nc", "impacts with the energy to each mode (netCDF, xarray)", "history"),
-    "snapshots": ("snapshots.nc", "whole deflections, from which player and movie are drawn", "history"),
-    "last_cycles": ("last_cycles.nc", "channels of the last cycles at every step", "pictures"),
     "modes_scene": ("paraview/modes.pvd", "mode shapes for ParaView", "modes"),
-    "modes_script": ("paraview/modes_paraview.py", "opens modes.pvd in ParaView", "modes"),
     **{
-        f"mode_{i}_{key}": (name.format(i), f"mode {i} over its period, for ParaView", "modes")
+        f"mode_{i}_scene": (f"paraview/mode_{i}.pvd", f"mode {i} over its period, for ParaView", "modes --animate")
         for i in range(1, 5)
-        for key, name in (("scene", "paraview/mode_{}.pvd"), ("script", "paraview/mode_{}_paraview.py"))
     },
     "deflection_scene": ("paraview/deflection.pvd", "the moving beam for ParaView, also at every impact", "history"),
-    "deflection_script": ("paraview/deflection_paraview.py", "opens deflection.pvd in ParaView", "history"),
+    "scene_script": ("paraview/open_in_paraview.py", "opens a file beside it in ParaView", "modes, history"),
     "movie": ("movie.mp4", "the moving beam in slow motion", "pictures"),
     "deflection_hdf": (
         "paraview/deflection.vtkhdf",

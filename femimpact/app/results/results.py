@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,7 +24,7 @@ from femimpact.app.results.result_directory import (
 )
 from femimpact.app.study.findings import Findings, read_findings, summary_of
 from femimpact.errors import Fault, InputError, require, require_path
-from femimpact.files import atomic_path, read_csv, write_json
+from femimpact.files import atomic_path, load_netcdf, read_csv, write_json
 from femimpact.files import plain as plain_data
 from femimpact.regular_file import open_regular
 from femimpact.signals.decay import DecayEstimate
@@ -169,26 +170,10 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return summary
 
 
-def load_dataset(
-    path: Path,
-    engine: str | None = "h5netcdf",  # None is that of the file's own format
-) -> xarray.Dataset:
-    """A netCDF file that is no device or pipe."""
-    import xarray
-
-    # the library opens it by its name
-    with open_regular(path) as file:
-        begin = file.read(len(HDF5))
-    require(begin == HDF5 or begin.startswith(b"CDF"), "format", "another one", "", "must be netCDF")
-    return xarray.load_dataset(path, engine=engine)
-
-
-HDF5 = b"\x89HDF\r\n\x1a\n"
-"""First bytes of a file in the format of netCDF 4; earlier ones begin with CDF."""
-
-
-def read_file(folder: Path, name: str, checksums: Mapping[str, str]) -> Any:
+def read_file(folder: Path, name: str, checksums: Mapping[str, str], group: str | None = None) -> Any:
     """A table by column or a labelled dataset of the results, by the name of its file; None where they have none.
+
+    Of a netCDF file it may be a group.
 
     Raises `InputError` if it is missing or cannot be read.
     """
@@ -201,7 +186,7 @@ def read_file(folder: Path, name: str, checksums: Mapping[str, str]) -> Any:
             raise InputError([Fault("file", str(path), "", f"is missing: {SUMMARY} names it among the results")])
         return None
     changed = expected is not None and undamaged(path, checksum) != expected
-    content = undamaged(path, load_dataset if path.suffix == ".nc" else read_csv)
+    content = undamaged(path, partial(load_netcdf, group=group) if path.suffix == ".nc" else read_csv)
     if changed:
         _warn_changed(path)
     return content

@@ -30,8 +30,8 @@ class Spread:
     highest: float
     resolution: float = 0.0  # what one start's value is exact to, as the step of a grid; 0 where it is rounding
 
-    def text(self, scale: float = 1.0) -> str:
-        """Median and range in words, to two digits of half the range, of at most four that are significant.
+    def text(self, scale: float = 1.0, digits: int = 4) -> str:
+        """Median and range in words, to two digits of half the range, of at most so many that are significant.
 
         What is exact to the step of a grid has no more digits than the step. The range is rounded outwards, after a
         quarter of it at each end for the starts that were not run.
@@ -41,7 +41,9 @@ class Spread:
         if not 0.0 < largest < math.inf:
             return number_text(middle)
         beyond = step + (high - low) / 4.0
-        place = max(decimal_place((high - low) / 2.0) - 1, decimal_place(step), decimal_place(largest + beyond) - 3)
+        place = max(
+            decimal_place((high - low) / 2.0) - 1, decimal_place(step), decimal_place(largest + beyond) - digits + 1
+        )
         unit = 10.0**place
         down, up = math.floor((low - beyond) / unit + 1e-6), math.ceil((high + beyond) / unit - 1e-6)
         if low >= 0.0:
@@ -235,6 +237,7 @@ class Findings:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    answer: tuple[str, ...] = ()  # lines that a terminal has in place of all else
     starts: Mapping[str, Mapping[str, Spread]] = field(default_factory=dict)  # of the sweep, by the frame of the start
     starts_of_sweep: int | None = None
     history_starts: HistoryStarts | None = None

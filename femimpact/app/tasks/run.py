@@ -12,10 +12,17 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
+from femimpact.app.results.picture_data import (
+    LAST_CYCLES,
+    SNAPSHOTS,
+    last_cycle_data,
+    mode_shape_data,
+    snapshot_data,
+)
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
+    LEAST_SAMPLES,
     LIBRARIES,
     PARTS,
     PreparedStudy,
@@ -46,8 +53,10 @@ from femimpact.app.tasks.starts import columns_of_starts, drawn_curves, drawn_hi
 from femimpact.app.tasks.task import Finished, Plan, Task, run_task
 from femimpact.errors import checked, kind_of, require, require_name, require_path, require_type, truth, warns
 from femimpact.excitation.drives import until
+from femimpact.excitation.excitation import has_cycle
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.remarks import motion_notes
+from femimpact.files import write_netcdf
 from femimpact.integrators.cases import first_steps
 from femimpact.integrators.methods import Method, read_at_least, step_of
 from femimpact.integrators.runs import integrate
@@ -167,6 +176,7 @@ def run_study(
     directory: str | Path,
     *,
     parts: tuple[str, ...] = PARTS,
+    animate: bool = False,
     force: bool = False,
     report: Report = _silent,
 ) -> StudyResults:
@@ -181,6 +191,8 @@ def run_study(
         Must not exist or be empty, unless forced.
     parts : tuple of str
         Any of "modes", "simulate", "sweep"; a study without [sweep] skips it.
+    animate : bool
+        Files for ParaView of each mode over its period.
     report : callable, optional
         Called with what is being done and its share, 0 to 1.
 
@@ -196,28 +208,28 @@ def run_study(
     require(isinstance(parts, (tuple, list)), "parts", parts, "", f"must be some of {', '.join(PARTS)}")
     for part in parts:
         require_name(part, PARTS, "parts")
-    force = checked("force", force, truth())
+    animate, force = checked("animate", animate, truth()), checked("force", force, truth())
     usable = callable(report) and not isinstance(report, type)
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
-    return run_task(task_of_run(prepare(study, parts), parts), directory, force, report)
+    return run_task(task_of_run(prepare(study, parts), parts, animate), directory, force, report)
 
 
-def task_of_run(prepared: PreparedStudy, parts: tuple[str, ...] = PARTS) -> Task:
+def task_of_run(prepared: PreparedStudy, parts: tuple[str, ...] = PARTS, animate: bool = False) -> Task:
     """The parts of a run, of which that of a study without [sweep] has none."""
     names = {"modes": "modes", "simulate": "history", "sweep": "sweep"}
     kept = tuple(name for part, name in names.items() if part in parts and (part != "sweep" or prepared.study.sweep))
-    work, plan = partial(_parts_of_run, prepared, kept), partial(plan_of_run, prepared, kept)
+    work, plan = partial(_parts_of_run, prepared, kept, animate), partial(plan_of_run, prepared, kept)
     return Task(prepared.study, findings_of(prepared), kept, work, plan)
 
 
-def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Report) -> Iterator[Finished]:
+def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], animate: bool, report: Report) -> Iterator[Finished]:
     """Modes, history and sweep, as far as they are asked for; ranges over several starts behind each."""
     study, small, response = prepared.study, prepared.small, None
     if "modes" in parts:
-        yield modes_part(prepared, run_modes(prepared))
+        yield modes_part(prepared, run_modes(prepared), animate)
     if "history" in parts:
         response = run_simulation(prepared, report)
-        yield history_part(prepared, response)
+        yield history_part(prepared, response, report)
         if runs_of_starts(small, study.output.starts) > 1:
             yield Finished("history", findings=drawn_histories(prepared, report))
     if "sweep" in parts:
@@ -233,8 +245,6 @@ def _parts_of_run(prepared: PreparedStudy, parts: tuple[str, ...], report: Repor
             )
             files = {"curves_of_starts": columns_of_starts({study.start: curves})}
             yield Finished("sweep", files, joined(ranges, failed))
-    if response is not None:
-        yield last_cycles_part(prepared, response, report)
 
 
 # ---- what would run ---------------------------------------------------------------------------------
@@ -360,8 +370,8 @@ def _clearance(gaps: tuple[float, float]) -> str:
 # ---- files and findings of the parts ----------------------------------------------------------------
 
 
-def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Finished:
-    """What `run_modes` returned."""
+def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None], animate: bool = False) -> Finished:
+    """What `run_modes` returned; animated, each mode over its period too."""
     full, structure, (empty, glued) = prepared.full, prepared.study.structure, modes
     columns, units = mode_columns(empty)
     # a number of a row has none in a file
@@ -372,30 +382,46 @@ def modes_part(prepared: PreparedStudy, modes: tuple[Modes, Modes | None]) -> Fi
         "modes": (columns, units),
         "mode_shapes": mode_shape_data(full, empty),
     }
-    if prepared.study.output.paraview:
+    if animate or prepared.study.output.paraview:
         from femimpact import vtk
 
-        files["modes_scene"] = lambda path: vtk.write_modes(path, full, empty, structure)
         # a rigid motion has no period to be shown over
-        for mode in (1 + np.flatnonzero(empty.natural_frequency > 0.0)).tolist():
+        for mode in (1 + np.flatnonzero(empty.natural_frequency > 0.0)).tolist() if animate else ():
             files[f"mode_{mode}_scene"] = lambda path, i=mode: vtk.write_mode(path, full, empty, structure, i)
+        # the script opens the last one
+        files["modes_scene"] = lambda path: vtk.write_modes(path, full, empty, structure)
     return Finished("modes", files, findings_of_modes(modes))
 
 
-def history_part(prepared: PreparedStudy, response: Response) -> Finished:
-    """What `run_simulation` returned."""
+def history_part(prepared: PreparedStudy, response: Response, report: Report) -> Finished:
+    """What `run_simulation` returned, and with contacts the last cycles at every step, where there will be figures."""
     study, output = prepared.study, prepared.study.output
-    files: dict[str, Any] = {"history": response.to_xarray(), **impact_files(response)}
+    groups, history = dict[str, Any](), response.to_xarray().isel(time=slice(None, None, _stride(study, response)))
+    files: dict[str, Any] = {"history": lambda path: write_netcdf(path, history, **groups), **impact_files(response)}
+    if output.figures and response.system.contacts:
+        report("last cycles, for figures", 0.0)
+        groups[LAST_CYCLES] = last_cycle_data(response, last_cycles(prepared, response))
+        report("last cycles, for figures", 1.0)
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
-        files["snapshots"] = snapshot_data(response, response.snapshots)
-        # the script of the last one opens it
+        groups[SNAPSHOTS] = snapshot_data(response, response.snapshots)
+        # the script opens the last one
         scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
         for key in (key for key, asked in scenes if asked):
             from femimpact import vtk
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
     return Finished("history", files, findings_of_history(prepared, response))
+
+
+def _stride(study: Study, response: Response) -> int:
+    """Every how many samples of a run are in its file: of a cycle of a sine `LEAST_SAMPLES`, unless the study says."""
+    is_sine = has_cycle(study.excitation) and study.record is None
+    says = (study.output.every, study.output.interval) != (None, None)
+    if says or not is_sine or response.time.size < 2:
+        return 1
+    interval = float(response.time[1] - response.time[0])
+    return max(math.floor(1.0 / (LEAST_SAMPLES * study.excitation.frequency * interval) + 1e-9), 1)
 
 
 def impact_files(response: Response) -> dict[str, Any]:
@@ -426,13 +452,3 @@ def sweep_part(prepared: PreparedStudy, sweeps: SweepPair) -> Finished:
     laws = "; ".join(f"{label}: {curve.law}" for label, curve in curves.items())
     data = data.assign_coords(grid=("frequency", grid)).assign_attrs(contact_law=laws)
     return Finished("sweep", {"sweep": (columns, units), "sweep_data": data}, findings_of_sweeps(prepared, sweeps))
-
-
-def last_cycles_part(prepared: PreparedStudy, response: Response, report: Report) -> Finished:
-    """The last cycles of a history with contacts at every step, where there will be figures of them."""
-    files: dict[str, Any] = {}
-    if prepared.study.output.figures and response.system.contacts:
-        report("last cycles, for figures", 0.0)
-        files["last_cycles"] = last_cycle_data(response, last_cycles(prepared, response))
-        report("last cycles, for figures", 1.0)
-    return Finished("last cycles", files)
