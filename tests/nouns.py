@@ -435,7 +435,7 @@ VERBS = {
 OTHERS = {
     "ALUMINIUM", "STEEL", "AxisMargin", "BestCase", "BestDesign", "ContactLaw", "ContactParameters", "DivergenceError",
     "CalibratedParameter", "Calibration", "Discretisation", "Preflight", "PreflightRow", "Reaction", "Refinement",
-    "FemimpactError", "InputError", "InputWarning", "StudyResults", "load_branch",
+    "FemimpactError", "InputError", "InputWarning", "ResultWarning", "StudyResults", "load_branch",
     "load_parameter_study",
     "ShockResponseSpectrum", "Spectrum", "TransferFunction", "report", "show_versions", "write_movie",
 }  # fmt: skip

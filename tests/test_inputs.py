@@ -189,6 +189,7 @@ def fault_of(name: str, given: dict[str, object], key: str, label: str, beside: 
             # whatever else numpy and matplotlib warn of
             warnings.simplefilter("error")
             warnings.simplefilter("ignore", fi.InputWarning)
+            warnings.simplefilter("ignore", fi.ResultWarning)
             result = ALL[name][0](**given)
             return fault_of_result(name, result, given, key, label) if label else None
     except fi.InputError as error:
