@@ -249,6 +249,9 @@ def test_a_line_force_beside_a_base_keeps_its_work_apart_and_words_name_it():
     system = fi.reduce(fi.assemble(MAST, elements=10), 3)
     drives = fi.Sine(1e-3, 3.0) + fi.LineForce(3.0, fi.Sine(0.5, 3.0, 0.3), "wind")
     assert "the whole beam, 3 N/m" in "; ".join(drive_words(drives))
+    panel = fi.figures.drive(drives, 1.0, figure=fi.figures.OffScreen())[1]
+    assert panel.get_ylabel() == "factor (1)"
+    assert np.abs(panel.lines[0].get_ydata()).max() == pytest.approx(0.5, rel=1e-3)
     record = fi.Recorder(channels=("tip", "root.reaction_force"))
     run = fi.integrate(system, drives, fi.EventDriven(), 20.0, record)
     assert run.energy.residual < 1e-9

@@ -362,8 +362,8 @@ def drive(excitation: Any, end: float, figure: FigureBase | OffScreen | None = N
     names = getattr(excitation, "names", ("",))
     axes = panels(figure, 8.0, 3.2 * len(drives), len(drives), 1)[:, 0]
     for axis, name, source in zip(axes, names, drives, strict=True):
-        factor = isinstance(getattr(source, "at", None), LineLoad)
-        of_force = ("1", "factor of the force along the beam") if factor else ("N", "force")
+        along = isinstance(getattr(source, "at", None), LineLoad)
+        of_force = ("1", f"factor of the force at {source.at}") if along else ("N", "force")
         unit, what = of_force if is_force(source) else ("m/s^2", "acceleration of the base")
         title = f"{name}: {what}" if name not in ("", "base") else what
         history = getattr(source, "history", source)
@@ -376,7 +376,7 @@ def drive(excitation: Any, end: float, figure: FigureBase | OffScreen | None = N
 
 def _density(axis: Axes, motion: RandomBase, title: str, unit: str) -> None:
     f, density = np.array(motion.psd).T
-    factor, label_unit = (1.0, "N²/Hz") if unit == "N" else (GRAVITY**-2, "g²/Hz")
+    factor, label_unit = {"N": (1.0, "N²/Hz"), "1": (1.0, "1/Hz")}.get(unit, (GRAVITY**-2, "g²/Hz"))
     axis.loglog(f, factor * density, color=BLUE)
     plain_log_ticks(axis.xaxis)
     words = f"{title}: root mean square {unit_text(motion.rms, unit)}"
@@ -384,7 +384,7 @@ def _density(axis: Axes, motion: RandomBase, title: str, unit: str) -> None:
 
 
 def _drive_over_time(axis: Axes, source: Any, end: float, title: str, unit: str) -> None:
-    """The force (N) or acceleration (m/s^2) while the drive acts."""
+    """The force (N), the factor of one along the beam, or the acceleration (m/s^2) while the drive acts."""
     form, begin = getattr(source, "closed_form", None), 0.0
     last = SHOWN_CYCLES / source.frequency if has_cycle(source) else end
     if isinstance(form, PiecewisePolynomial):
@@ -394,9 +394,9 @@ def _drive_over_time(axis: Axes, source: Any, end: float, title: str, unit: str)
     begin = min(begin, last)
     cycles = source.frequency * (last - begin)
     time = np.linspace(begin, last, min(max(READINGS * math.ceil(cycles), 2000), MOST_READINGS))
-    values = (source.force if unit == "N" else source.acceleration)(time)
+    values = (source.force if is_force(source) else source.acceleration)(time)
     largest, chosen = float(np.abs(values).max()), thinned_line(values, MOST_POINTS)
     factor, label_unit = prefixed(largest, unit) if unit == "N" else (1.0, unit)
     axis.plot(time[chosen], factor * values[chosen], color=BLUE, linewidth=0.9 if cycles > 60.0 else 1.4)
-    quantity_of = "force" if unit == "N" else "acceleration"
+    quantity_of = {"N": "force", "1": "factor"}.get(unit, "acceleration")
     label_axes(axis, "time (s)", f"{quantity_of} ({label_unit})", f"{title}: largest {unit_text(largest, unit)}")
