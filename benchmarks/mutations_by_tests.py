@@ -115,8 +115,8 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("no_star", "one_sample=curve.peak_is_one_start", "one_sample=False"),
         Mutation(
             "frequency_left_out",
-            "    if frequency is not None:\n        plan = replace(",
-            "    if frequency is None and to is None:\n        plan = replace(",
+            "    if frequency is not None:\n        one = replace(",
+            "    if frequency is None and to is None:\n        one = replace(",
         ),
         Mutation("memory_limit", "limit < LEAST_MEMORY and", "limit < 0.5 * LEAST_MEMORY and"),
     ),
