@@ -592,9 +592,9 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         return
     where, findings = console(), results.findings
     if findings.answer:
-        scenes = [FILES[key].name for key in ("report", "movie", "movie_without_encoder", "modes_scene")]
-        first, *others = [name for name in scenes if (directory / name).exists()] or [""]
-        print(*findings.answer, "", f"Look:    {', '.join([str(directory / first), *others])}", sep="\n")
+        names = [FILES[key].name for key in ("report", "movie", "movie_without_encoder", "modes_scene")]
+        look = ", ".join(name for name in names if (directory / name).exists())
+        print(*findings.answer, "", f"Look:    {directory / look}", sep="\n")
         print("Next:    femimpact init mine.toml; femimpact check mine.toml; femimpact run mine.toml")
         return
     for table in tables_of(results):

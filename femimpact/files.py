@@ -253,26 +253,20 @@ def plain(value: Any) -> Any:
 
 
 def write_netcdf(path: str | Path, dataset: xarray.Dataset, **groups: xarray.Dataset) -> Path:
-    """Write a labelled dataset as netCDF 4, and others as groups of the file by their names."""
+    """Write a labelled dataset as netCDF 4, compressed without loss, and others as groups of it by their names."""
     import h5netcdf
     from xarray.backends import H5NetCDFStore
 
     path = Path(path)
     # `Dataset.to_netcdf` of earlier versions takes no open file for this engine, and writes another format
     with atomic_path(path) as temporary, GuardedFile(temporary) as file, h5netcdf.File(file, "w") as root:
-        _compressed(dataset).dump_to_store(H5NetCDFStore(root))
-        for name, group in groups.items():
-            _compressed(group).dump_to_store(H5NetCDFStore(root.create_group(name)))
+        for name, data in {"": dataset, **groups}.items():
+            smaller = data.copy()
+            for values in smaller.variables.values():
+                if values.size > 1000 and values.dtype.kind in "fiu":
+                    values.encoding = {**values.encoding, "zlib": True, "complevel": 1, "shuffle": True}
+            smaller.dump_to_store(H5NetCDFStore(root.create_group(name) if name else root))
     return path
-
-
-def _compressed(dataset: xarray.Dataset) -> xarray.Dataset:
-    """The same dataset, whose numbers a file holds without loss in some two thirds of their size."""
-    smaller = dataset.copy()
-    for values in smaller.variables.values():
-        if values.size > 1000 and values.dtype.kind in "fiu":
-            values.encoding = {**values.encoding, "zlib": True, "complevel": 1, "shuffle": True}
-    return smaller
 
 
 def load_netcdf(

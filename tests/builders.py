@@ -171,7 +171,7 @@ SMALL_STUDY = (
     .replace("duration = 120.0 ", "duration = 6.0 ")
     .replace("refine = 40 ", "refine = 6 ")
     .replace("cycles = 600 ", "cycles = 60 ")
-    .replace("frames = 160 ", "frames = 6 ")
+    .replace("frames = 120 ", "frames = 6 ")
     .replace("\nstarts = 5 ", "\nstarts = 1 ")
 )
 """The paper's study with a short run and a short sweep, and with few frames of all that is drawn."""

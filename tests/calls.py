@@ -225,8 +225,7 @@ CALLS = {
     "show_versions": (fi.show_versions, dict),
     "read_matrix": (fi.system.read_matrix, lambda: {"path": matrix_file(), "name": "K"}),
     "run_study": (fi.run_study, lambda: {
-        "study": study(), "directory": "new", "parts": ("modes",), "animate": False, "force": True,
-        "report": lambda *_: None,
+        "study": study(), "directory": "new", "parts": ("modes",), "force": True, "report": lambda *_: None
     }),
     "mode_convergence": (fi.convergence.mode_convergence, lambda: {
         "system": four_modes(), "excitation": fi.Sine(1e-4, 24.0), "method": fi.Newmark(2e-4), "duration": 1.1,

@@ -120,10 +120,11 @@ def test_the_answer_is_the_start_at_rest_relative_to_the_base(results, compariso
     # what stands in the table of the report, for that start
     for line, (name, theory, _, here, *_) in zip(lines[3:12], comparison, strict=False):
         assert (line[:37].rstrip(), line[37:47].rstrip(), line[47:]) == (name, theory or "-", here)
+    parts = {2: "half", 3: "a third", 4: "a quarter", 5: "a fifth"}
     starts, words = results.summary["starts"], " ".join(" ".join(lines[13:17]).split())
     ratio, there = (starts[start]["amplitude_ratio"] for start in ("base", "space"))
     assert f"At rest in space the ratio is {Spread(**there).text(digits=3)} at " in words
-    assert words.startswith(f"The ball lowers the largest motion of the tip to {demo.SHARES[round(ratio['median'])]}.")
+    assert words.startswith(f"The ball lowers the largest motion of the tip to {parts[round(ratio['median'])]}.")
     share = results.summary["sweep"]["empty"]["peak_amplitude"] / 0.23026615
     assert f"{share:.2g} of the length" in words
     assert f"some {100 * share**2:.2g} % off" in words

@@ -23,7 +23,7 @@ CHANGES = {
     "refine = 40": "refine = 2",
     'name = "newmark"': 'name = "event-driven"',
     'law = "kelvin-voigt", restitution = 0.78, contact_time = 2e-3': 'law = "rigid", restitution = 0.1',
-    "frames = 160": "frames = 0",
+    "frames = 120": "frames = 0",
     "figures = true": "figures = false",
     "\nparaview = true": "\nparaview = false",
     "\nmovie = true": "\nmovie = false",

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import FILES, NO_PICTURES, short_study
+from builders import FILES, NO_PICTURES, done, short_study
 from grids import points_of, read_series
 
 import femimpact as fi
 from femimpact import vtk
+from femimpact.app.study.prepared import prepare
+from femimpact.app.tasks.run import task_of_run
 from femimpact.scene.placed import ball_radius, body_side
 from femimpact.scene.scene import BALL, BEAM, BODY, BOX, CONNECTION, CONTACT_POINT, SUPPORT
 from femimpact.vtk import formats
@@ -369,7 +371,8 @@ def test_modes_of_a_study_are_animated_where_that_is_asked_for(tmp_path, free):
         study = dataclasses.replace(study, structure=dataclasses.replace(study.structure, **turning))
     names = [f"mode_{i}.pvd" for i in range(1 + free, 5)]
     for animate, expected in ((False, []), (True, names)):
-        results = fi.run_study(study, tmp_path / str(animate), parts=("modes",), animate=animate)
+        task = task_of_run(prepare(study, ("modes",)), ("modes",), animate)
+        results = done(task, tmp_path / str(animate))
         folder = results.directory / "paraview"
         assert sorted(file.name for file in folder.glob("mode_?.pvd")) == expected
         assert folder.exists() == animate

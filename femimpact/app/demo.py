@@ -17,7 +17,7 @@ import numpy as np
 
 from femimpact.app.parametric.verb import parameter_study
 from femimpact.app.report.pictures import Report
-from femimpact.app.study.findings import Findings, Spread, joined
+from femimpact.app.study.findings import START_WORDS, Findings, Spread, joined
 from femimpact.app.study.prepared import PreparedStudy, prepare, with_base
 from femimpact.app.study.study import Study, SweepPlan, sine_of
 from femimpact.app.study.study_file import load_study
@@ -33,7 +33,6 @@ from femimpact.app.tasks.run import (
 )
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, columns_of_starts, spreads_of
 from femimpact.app.tasks.task import Finished, Plan, Task, study_files
-from femimpact.errors import Fault, InputError
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import seconds_of_cycle
@@ -43,17 +42,8 @@ from femimpact.units import number_text
 if TYPE_CHECKING:
     import xarray
 
-PUBLISHED: Mapping[str, float] = {
-    "frequency_empty_theory": 5.30,
-    "frequency_empty_experiment": 5.05,
-    "frequency_ball_theory": 4.98,
-    "frequency_ball_experiment": 4.95,
-    "damping_empty": 0.0029,
-    "damping_ball": 0.014,
-    "amplitude_ratio": 5.0,
-    "impact_force_theory": 0.02,
-}
-"""The paper's Table 1 and section 5: Hz, 1 and N."""
+PUBLISHED = (4.95, 5.0)
+"""Frequency (Hz) of the paper's resonance with ball, and its amplitude ratio without / with ball."""
 
 STARTS = ("base", "space")
 """Frames in which beam and ball are at rest at the start, of which the paper does not say one."""
@@ -130,7 +120,8 @@ def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> I
     swept = sweep_part(prepared, sweeps)
     yield swept
     curves = curves_of_starts(prepared, report)
-    spreads = {start: spreads_of(curves[start], sweeps.empty, _step(curves[start])) for start in STARTS}
+    step = float(np.diff(curves["base"].frequency)[0])
+    spreads = {start: spreads_of(curves[start], sweeps.empty, step) for start in STARTS}
     known = joined(joined(findings_of(prepared), findings_of_modes(modes)), swept.findings)
     compared = compare(known, spreads)
     left = {
@@ -141,7 +132,7 @@ def _parts_of_demo(prepared: PreparedStudy, plan: ScanPlan, report: Report) -> I
     said = Findings(
         starts=spreads,
         answer=answer_of(prepared.study, known, spreads, compared[0]),
-        remarks=remark(cast(float, known.restitution), scan, spreads),
+        remarks=remark(cast(float, known.restitution), scan),
     )
     yield Finished("sweep", left, said)
     prepared = _at_resonance(prepared, sweeps)
@@ -173,15 +164,11 @@ def scan_restitution(prepared: PreparedStudy, plan: ScanPlan, report: Report) ->
 
     The columns of `PEAKS`, with `_low` and `_high`, over the restitution and `base.start`.
     """
-    study, small = prepared.study, prepared.small
-    if study.sweep is None:
-        raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
-    frequencies = np.linspace(study.sweep.start, study.sweep.stop, plan.points)
+    study, small, swept = prepared.study, prepared.small, cast(SweepPlan, prepared.study.sweep)
+    frequencies = np.linspace(swept.start, swept.stop, plan.points)
     width = small.first_frequency * 0.02
     fine = np.unique(np.concatenate([frequencies, np.linspace(-width, width, 41) + small.first_frequency]))
-    empty = frequency_sweep(
-        prepared.bare, study.sine.amplitude, fine, prepared.bare_method, study.sweep.cycles, ledger=False
-    )
+    empty = frequency_sweep(prepared.bare, study.sine.amplitude, fine, prepared.bare_method, swept.cycles, ledger=False)
     axes = {
         RESTITUTION: plan.restitutions,
         "base.start": STARTS,
@@ -217,16 +204,13 @@ def misfit(peak_frequency: Any, amplitude_ratio: Any) -> Any:
 
     sqrt[((f - f_published)/0.1 Hz)^2 + ln(R/R_published)^2/ln(1.25)^2]
     """
-    by_frequency = (peak_frequency - PUBLISHED["frequency_ball_experiment"]) / 0.1
-    by_ratio = np.log(amplitude_ratio / PUBLISHED["amplitude_ratio"]) / np.log(1.25)
-    return np.hypot(by_frequency, by_ratio)
+    frequency, ratio = PUBLISHED
+    return np.hypot((peak_frequency - frequency) / 0.1, np.log(amplitude_ratio / ratio) / np.log(1.25))
 
 
 def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, StartCurves]:
     """An event-driven sweep from each of several starts in each frame, on a grid twice as fine as the study's."""
-    plan = prepared.study.sweep
-    if plan is None:
-        raise InputError([Fault("sweep", None, "", "table [sweep] is missing")])
+    plan = cast(SweepPlan, prepared.study.sweep)
     frequency = np.linspace(plan.start, plan.stop, 2 * plan.points - 1)
     axes = {"base.start": STARTS, "start.ball.position": places(SAMPLES), "base.frequency": frequency}
     base = Sine(prepared.study.sine.amplitude, 1.0)
@@ -240,56 +224,33 @@ def curves_of_starts(prepared: PreparedStudy, report: Report) -> dict[str, Start
     }
 
 
-def _step(curves: StartCurves) -> float:
-    """Step (Hz) between the frequencies of curves on an even grid."""
-    return float(curves.frequency[1] - curves.frequency[0])
-
-
-COMPARED = (
-    "quantity", "paper, theory", "paper, experiment", "at rest relative to the base", "at rest in the inertial frame",
-    "method",
-)  # fmt: skip
-"""Columns of the table beside the paper."""
-
-ANSWERED = 9
-"""Rows of that table which the answer has, of the start at rest relative to the base."""
-
-SHARES = {2: "half", 3: "a third", 4: "a quarter", 5: "a fifth"}
-"""Words of what is left of a motion, by the amplitude ratio."""
-
-
 def compare(findings: Findings, spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[dict[str, Any], dict[str, str]]:
-    """The columns of `COMPARED` in words: ours are medians with their ranges where the motion is chaotic."""
-    p, empty, frequency = PUBLISHED, findings.sweep["empty"], findings.natural_frequency
-    published = {name: f"{value:.2f} Hz" for name, value in p.items() if name.startswith("frequency")}
-    damping, ratio = f"{100 * p['damping_empty']:.2f} %", f"about {p['amplitude_ratio']:g}"
+    """Columns in words: the paper's Table 1 and section 5, and ours, with ranges of what is chaotic."""
+    empty, first = findings.sweep["empty"], findings.natural_frequency
     largest = f"{1e3 * empty.peak_amplitude:#.3g} mm at {empty.peak_frequency:#.3g} Hz"
+    law, half_power = findings.contacts["ball"].law, empty.coarse_grid.damping_half_power
 
     def both(name: str, unit: str = "", scale: float = 1.0) -> list[str]:
         return [spreads[start][name].text(scale, 3).replace(" (", f"{unit and ' '}{unit} (", 1) for start in STARTS]
 
     peaks = zip(both("peak_amplitude", "mm", 1e3), both("peak_frequency", "Hz"), strict=True)
+    at_peak = "at the largest motion"
     rows = (
-        ("first frequency, without ball", published["frequency_empty_theory"], published["frequency_empty_experiment"],
-         *[f"{frequency['empty'][0]:#.4g} Hz"] * 2, "eigenvalue"),
-        ("first frequency, ball glued on", published["frequency_ball_theory"], published["frequency_ball_experiment"],
-         *[f"{frequency['glued'][0]:#.4g} Hz"] * 2, "eigenvalue"),
-        ("damping, without ball", damping, damping, *[f"{100 * empty.damping_fit:#.3g} %"] * 2,
-         "one-pole fit, refined grid"),
+        ("first frequency, without ball", "5.30 Hz", "5.05 Hz", *[f"{first['empty'][0]:#.4g} Hz"] * 2, "eigenvalue"),
+        ("first frequency, ball glued on", "4.98 Hz", "4.95 Hz", *[f"{first['glued'][0]:#.4g} Hz"] * 2, "eigenvalue"),
+        ("damping, without ball", "0.29 %", "0.29 %", *[f"{100 * empty.damping_fit:#.3g} %"] * 2, "one-pole fit"),
         ("largest motion of the tip, without", "", "", largest, largest, "refined grid"),
         ("largest motion of the tip, with", "", "", *map(" at ".join, peaks), "largest peak of each start's sweep"),
-        ("ratio without / with", ratio, ratio, *both("amplitude_ratio"), "of these largest motions"),
-        (f"damping with ball ({damping} x ratio)", *[f"{100 * p['damping_ball']:.1f} %"] * 2,
-         *both("damping_amplitude_ratio", "%", 100), "damping without ball times the ratio"),
-        ("contact force, mean of a cycle", f"{p['impact_force_theory']:g} N", "", *both("cycle_mean_force", "N"),
-         "at the largest motion"),
-        ("contact force, largest", "", "", *both("peak_force", "N"),
-         f"{findings.contacts['ball'].law}, at the largest motion"),
-        ("mean impulse", "", "", *both("mean_impulse", "mN s", 1e3), "at the largest motion"),
-        ("damping, without ball, by half-power", "", "", *[f"{100 * empty.coarse_grid.damping_half_power:#.3g} %"] * 2,
-         "21 points: not resolved"),
+        ("ratio without / with", "about 5", "about 5", *both("amplitude_ratio"), "of these largest motions"),
+        ("damping with ball (0.29 % x ratio)", "1.4 %", "1.4 %", *both("damping_amplitude_ratio", "%", 100),
+         "damping without ball times the ratio"),
+        ("contact force, mean of a cycle", "0.02 N", "", *both("cycle_mean_force", "N"), at_peak),
+        ("contact force, largest", "", "", *both("peak_force", "N"), f"{law}, {at_peak}"),
+        ("mean impulse", "", "", *both("mean_impulse", "mN s", 1e3), at_peak),
+        ("damping, without ball, by half-power", "", "", *[f"{100 * half_power:#.3g} %"] * 2, "not resolved"),
     )  # fmt: skip
-    return dict(zip(COMPARED, zip(*rows, strict=True), strict=True)), {}
+    columns = ("quantity", "paper, theory", "paper, experiment", *[START_WORDS[start] for start in STARTS], "method")
+    return dict(zip(columns, zip(*rows, strict=True), strict=True)), {}
 
 
 def answer_of(
@@ -299,7 +260,8 @@ def answer_of(
     ball, length, space = study.structure.impactors[0], study.structure.beam.length, spreads["space"]
     quantity, paper, _, ours, *_ = compared.values()
     share, ratio = findings.sweep["empty"].peak_amplitude / length, spreads["base"]["amplitude_ratio"].median
-    rows = zip(quantity[:ANSWERED], paper, ours, strict=False)
+    left = {2: "half", 3: "a third", 4: "a quarter", 5: "a fifth"}.get(round(ratio), f"1/{ratio:.0f}")
+    rows = zip(quantity[:9], paper, ours, strict=False)
     return (
         f"A cantilever on a shaker ({1e3 * study.sine.amplitude:.4g} mm); in a box at its tip a loose ball of "
         f"{1e3 * ball.mass:.4g} g, {1e3 * ball.gaps[0]:.4g} mm from each wall.",
@@ -307,7 +269,7 @@ def answer_of(
         f"{'':<37}{'paper':<10}femimpact",
         *(f"{name:<37}{theory or '-':<10}{words}" for name, theory, words in rows),
         "",
-        f"The ball lowers the largest motion of the tip to {SHARES.get(round(ratio), f'1/{ratio:.0f}')}. "
+        f"The ball lowers the largest motion of the tip to {left}. "
         f"It does not repeat: ranges are over {SAMPLES} starts.",
         "Differs: the paper does not say how the ball starts. At rest in space the ratio is "
         f"{space['amplitude_ratio'].text(1.0, 3)} at {space['peak_frequency'].median:#.3g} Hz;",
@@ -318,21 +280,17 @@ def answer_of(
     )
 
 
-def remark(restitution: float, scan: xarray.Dataset, spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[str, ...]:
-    """Where the paper cannot be met, and why, with the numbers just found."""
+def remark(restitution: float, scan: xarray.Dataset) -> tuple[str, ...]:
+    """Where the paper cannot be met, and why."""
     base, space = (scan.sel({"base.start": start}) for start in STARTS)
     distance = misfit(base["peak_frequency"], base["amplitude_ratio"])
     near = ", ".join(f"{e:.2f}" for e in base[RESTITUTION].values[distance < NEAR]) or "none of the study"
-    peak, ratio = (
-        {start: spreads[start][name].text() for start in STARTS} for name in ("peak_frequency", "amplitude_ratio")
-    )
     return (
         f"the restitution is the study's, {restitution:.2f}; near the published resonance (misfit below {NEAR:g}) come "
         f"from rest relative to the base: {near}; from rest in the inertial frame the peak stays at "
         f"{space['peak_frequency'].values.min():.2f} Hz or above",
-        f"the start decides the headline: peak at {peak['base']} Hz with a ratio of {ratio['base']} from rest "
-        f"relative to the base, at {peak['space']} Hz with a ratio of {ratio['space']} from rest in the inertial "
-        "frame; the paper does not say which it took",
+        "the start decides which motion is reached: at rest relative to the base the ball drifts to a wall at once, at "
+        "rest in the inertial frame it is met where the beam moves by more than the gap; the paper does not say which",
         f"medians and ranges are those of {SAMPLES} starts in each frame, the ball up to {1e3 * OFF_CENTRE:g} mm off "
         "the middle of its box: the motion is chaotic, and one run is a sample",
         "the experiment's 5.05 Hz without ball and the theory's 5.30 Hz cannot both be met: the shifts to 4.95 and "

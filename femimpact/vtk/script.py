@@ -420,11 +420,10 @@ def write_script(
         "LEGEND": "\n".join(f"{words}, longest {peak:.3g} {unit}" for words, peak, unit in arrows if peak > 0.0),
     }
     script = script_path(path)
-    series = {**_series_of(script), path.name: about}
     lines = {
         "SCRIPT": script.name,
         "FILE": repr(path.name),
-        "FILES": pprint.pformat(series, width=118, sort_dicts=False),
+        "FILES": pprint.pformat({**_series_of(script), path.name: about}, width=118, sort_dicts=False),
         "BEAM": str(BEAM),
         "MARKS": str(CONTACT_POINT),
     }

@@ -22,7 +22,6 @@ from femimpact.app.study.findings import (
     HistorySummary,
     Spread,
     history_words,
-    spread_text,
 )
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.orbits.figures import MARKS, kind_words
@@ -146,17 +145,16 @@ def _of_spread(spread: Spread, label: str, unit: str, words: str, **more: Any) -
 
 
 def _from_starts(findings: Findings, name: str, label: str, unit: str) -> list[Conclusion]:
-    """A quantity that was taken over several starts: in the first frame of them, and in the others in words."""
+    """A quantity that was taken over several starts, in the first frame of them."""
     count = findings.starts_of_sweep
     spreads = [(words, findings.starts.get(start, {}).get(name)) for start, words in START_WORDS.items()]
     known = [(words, spread) for words, spread in spreads if spread is not None and _known(spread.median)]
     if not known:
         return []
-    (words, first), *others = known
-    note = "; ".join(f"{words}: {spread_text(spread, unit)}" for words, spread in others)
+    words, first = known[0]
     # of a run the balls are drawn, and the structure is at rest
     text = f"starts {words}" if count is None else f"{count} starts of the {findings.carried}, the beam {words}"
-    return [_of_spread(first, label, unit, text, note=note)]
+    return [_of_spread(first, label, unit, text)]
 
 
 def _of_history(

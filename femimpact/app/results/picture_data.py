@@ -49,9 +49,6 @@ SNAPSHOT_DIMS = {
     "contact_force": "contact",
 }
 
-SNAPSHOTS, LAST_CYCLES = "snapshots", "last_cycles"
-"""Groups of the file of a history: whole deflections, and channels at every step."""
-
 NOWHERE = DrawnSystem(np.zeros(0), {})
 """Places and contacts of results whose study cannot be read."""
 
@@ -282,7 +279,7 @@ class ResultReading:
     @cached_property
     def film(self) -> Response | None:
         """A response with snapshots, and without a history."""
-        return None if self.system is None else self.of_file("history", self._film, SNAPSHOTS)
+        return None if self.system is None else self.of_file("history", self._film, "snapshots")
 
     def _film(self, data: xarray.Dataset) -> Response:
         arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
@@ -293,7 +290,7 @@ class ResultReading:
     @cached_property
     def last_cycles(self) -> Response | None:
         """The last cycles of a run at every step, with all of its impacts."""
-        return None if self.system is None else self.of_file("history", self._last_cycles, LAST_CYCLES)
+        return None if self.system is None else self.of_file("history", self._last_cycles, "last_cycles")
 
     def _last_cycles(self, data: xarray.Dataset) -> Response:
         statistics = {item.name: data.attrs[item.name] for item in dataclasses.fields(ImpactStatistics)}

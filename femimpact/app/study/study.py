@@ -232,7 +232,7 @@ class Output:
     ----------
     every : int
         One of so many samples is kept in the history, which are steps of a method that has them. Absent: one of 10, or
-        of fewer where a base cycle would have less than 20, and all of an event-driven run.
+        of fewer where a base cycle would have less than 20, and all of an event-driven run; a sine's file has 20 then.
     interval : float, s
         Time between the instants at which an event-driven history is read. Absent: under a sine `samples_per_cycle` of
         the method, under a record what its samples and the highest mode need.

@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.pictures import Report
-from femimpact.app.results.picture_data import (
-    LAST_CYCLES,
-    SNAPSHOTS,
-    last_cycle_data,
-    mode_shape_data,
-    snapshot_data,
-)
+from femimpact.app.results.picture_data import last_cycle_data, mode_shape_data, snapshot_data
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, joined
 from femimpact.app.study.prepared import (
@@ -176,7 +170,6 @@ def run_study(
     directory: str | Path,
     *,
     parts: tuple[str, ...] = PARTS,
-    animate: bool = False,
     force: bool = False,
     report: Report = _silent,
 ) -> StudyResults:
@@ -191,8 +184,6 @@ def run_study(
         Must not exist or be empty, unless forced.
     parts : tuple of str
         Any of "modes", "simulate", "sweep"; a study without [sweep] skips it.
-    animate : bool
-        Files for ParaView of each mode over its period.
     report : callable, optional
         Called with what is being done and its share, 0 to 1.
 
@@ -208,10 +199,10 @@ def run_study(
     require(isinstance(parts, (tuple, list)), "parts", parts, "", f"must be some of {', '.join(PARTS)}")
     for part in parts:
         require_name(part, PARTS, "parts")
-    animate, force = checked("animate", animate, truth()), checked("force", force, truth())
+    force = checked("force", force, truth())
     usable = callable(report) and not isinstance(report, type)
     require(usable, "report", kind_of(report), "", "must be callable with the name of a part and its share")
-    return run_task(task_of_run(prepare(study, parts), parts, animate), directory, force, report)
+    return run_task(task_of_run(prepare(study, parts), parts), directory, force, report)
 
 
 def task_of_run(prepared: PreparedStudy, parts: tuple[str, ...] = PARTS, animate: bool = False) -> Task:
@@ -400,11 +391,11 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
     files: dict[str, Any] = {"history": lambda path: write_netcdf(path, history, **groups), **impact_files(response)}
     if output.figures and response.system.contacts:
         report("last cycles, for figures", 0.0)
-        groups[LAST_CYCLES] = last_cycle_data(response, last_cycles(prepared, response))
+        groups["last_cycles"] = last_cycle_data(response, last_cycles(prepared, response))
         report("last cycles, for figures", 1.0)
     if response.snapshots is not None:
         scale = output.exaggeration or 1.0
-        groups[SNAPSHOTS] = snapshot_data(response, response.snapshots)
+        groups["snapshots"] = snapshot_data(response, response.snapshots)
         # the script opens the last one
         scenes = (("deflection_hdf", output.vtkhdf), ("deflection_scene", output.paraview))
         for key in (key for key, asked in scenes if asked):
@@ -416,12 +407,11 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
 
 def _stride(study: Study, response: Response) -> int:
     """Every how many samples of a run are in its file: of a cycle of a sine `LEAST_SAMPLES`, unless the study says."""
-    is_sine = has_cycle(study.excitation) and study.record is None
-    says = (study.output.every, study.output.interval) != (None, None)
-    if says or not is_sine or response.time.size < 2:
+    asked = study.output.every or study.output.interval or study.record
+    if asked or not has_cycle(study.excitation) or response.time.size < 2:
         return 1
-    interval = float(response.time[1] - response.time[0])
-    return max(math.floor(1.0 / (LEAST_SAMPLES * study.excitation.frequency * interval) + 1e-9), 1)
+    samples = 1.0 / (study.excitation.frequency * float(response.time[1] - response.time[0]))
+    return max(math.floor(samples / LEAST_SAMPLES + 1e-9), 1)
 
 
 def impact_files(response: Response) -> dict[str, Any]:

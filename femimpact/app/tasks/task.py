@@ -18,9 +18,6 @@ from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.files import atomic_write, write_csv, write_netcdf
 
-DRAWN = frozenset({"mode_shapes", "sweep_data", "history", "branches", "convergence_summary"})
-"""Files of which there are figures, by their keys."""
-
 
 @dataclass(frozen=True, eq=False)
 class Finished:
@@ -78,7 +75,7 @@ def run_task(task: Task, directory: str | Path, force: bool, report: Report) -> 
             left = tuple(part for part in left if part != finished.part)
             write_summary(folder, _without(findings, left))
         drawn = dict[str, Element]()
-        figured = output.figures and bool(DRAWN & written)
+        figured = output.figures and bool(written)
         filmed = output.movie and output.frames > 0 and "history" in written
         kinds = [kind for kind, asked in (("figures", figured), ("movie", filmed)) if asked]
         if kinds:
