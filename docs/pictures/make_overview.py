@@ -49,8 +49,8 @@ def main(results: Path) -> Path:
     """Write the pictures beside this file; the path of the first."""
     target = Path(__file__).with_name("overview.png")
     draw_report(results / "report.html", target.with_name("report.png"))
-    above = frame_of(results / "deflection.mp4")
-    with Image.open(results / "response.png") as picture:
+    above = frame_of(results / "movie.mp4")
+    with Image.open(results / "figures" / "response.png") as picture:
         size = (above.width, round(picture.height * above.width / picture.width))
         # a few hundred colours are enough for a drawing
         picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
