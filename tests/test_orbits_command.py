@@ -370,7 +370,9 @@ def test_a_new_study_names_every_key_of_the_table():
 
 def test_check_says_what_would_run(tmp_path):
     (tmp_path / "study.toml").write_text(study_text(range='["4.9 Hz", "0.0056 kHz"]'), encoding="utf-8")
-    lines = [line for line in femimpact("check", "study.toml", cwd=tmp_path).stdout.splitlines() if "orbits" in line]
+    lines = [
+        line for line in femimpact("check", "--all", "study.toml", cwd=tmp_path).stdout.splitlines() if "orbits" in line
+    ]
     assert "orbits.range = 0.0056 kHz: 5.6 Hz" in lines
     words = ("a run of 80 s", "base.frequency from 4.9 to 5.6 Hz", "at symmetry-breaking the others too")
     assert all(any(text in line for line in lines) for text in words)

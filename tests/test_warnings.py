@@ -104,7 +104,7 @@ def test_the_page_is_named_by_its_title_and_part_of_the_site():
     assert PAGE.startswith(f"# {title}\n")
     index = (ROOT / "docs" / "reference" / "index.md").read_text("utf-8")
     assert index.startswith(f"# {part}\n")
-    assert "\nwarnings\n" in index
+    assert "](warnings.md)" in index
 
 
 def test_no_heading_is_of_a_warning_that_is_not_made():

@@ -137,6 +137,12 @@ class SteadyResponse:
     response to a force there, each of order 2. Over Newmark's step of order 2. Over n modes the terms left out are
     those of Gamma_n phi_n(x)/omega_n^2: Gamma_n ~ 1/n and omega_n^2 ~ n^4, and phi_n(x) changes its sign from mode to
     mode, so that the remainder is of the size of the next term, n^-5; at a tip with a body phi_n ~ 1/n, n^-6.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> watch, base = fi.convergence.SteadyResponse(("tip", "mid")), fi.Sine(1e-4, 4.0)
+    >>> study = fi.convergence_study(bare, fi.convergence.OverMeshes.uniform(bare, [4, 8, 16]), [watch], base)
     """
 
     at: tuple[Position, ...] = ("tip", "mid")
