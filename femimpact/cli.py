@@ -432,14 +432,19 @@ def parameter_study(
 
 
 @app.command
-def report(directory: Path, *, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
+def report(directory: Path, *, short: bool = False, to: ToFile = NO_FILE, quiet: Quiet = False) -> None:
     """Write the report of results: one HTML file that opens in any browser.
 
     Example: femimpact report study-results
+
+    Parameters
+    ----------
+    short
+        On one sheet of paper, without paths and residuals.
     """
     from femimpact.app.report.result_page import write_report
 
-    path = write_report(directory, to.free())
+    path = write_report(directory, to.free(), short)
     if not quiet:
         print(f"wrote {path}")
 
@@ -602,7 +607,8 @@ def print_results(directory: Path, quiet: bool = False) -> None:
     for line in (
         *(f"{problem}." for problem in findings.problems),
         *conclusion_lines(result_conclusions(results, best_of(results))),
-        *(f"note: {text}" for text in findings.notes),
+        # the report has them
+        *(f"note: {text}" for text in findings.notes if not (directory / REPORT).is_file()),
     ):
         where.print(line)
     for text in warned:

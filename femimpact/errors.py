@@ -275,17 +275,21 @@ def choice(*names: str) -> dict[str, Any]:
     return {"unit": "", "allowed": allowed, "take": take, "schema": {"enum": list(names)}}
 
 
-def truth() -> dict[str, Any]:
-    """Metadata of a dataclass field that is True or False: no number and no word counts as either."""
+def truth(*names: str) -> dict[str, Any]:
+    """Metadata of a dataclass field that is True or False, or one of a few names: no number counts as either."""
 
-    def take(value: Any) -> bool:
+    def take(value: Any) -> bool | str:
+        if isinstance(value, str) and value in names:
+            return value
         # a truth value of numpy is one, without numpy being loaded for it
         of_numpy = getattr(getattr(value, "dtype", None), "kind", "") == "b" and value.shape == ()
         if not isinstance(value, bool) and not of_numpy:
             raise _Refused
         return bool(value)
 
-    return {"unit": "", "allowed": "must be True or False", "take": take, "schema": {"type": "boolean"}}
+    schema = {"enum": [True, False, *names]} if names else {"type": "boolean"}
+    allowed = f"must be True or False{''.join(f', or {name!r}' for name in names)}"
+    return {"unit": "", "allowed": allowed, "take": take, "schema": schema}
 
 
 def text(*, several: bool = False) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.figures.study_labels import STATISTICS, BestMarks, axis_words
-from femimpact.units import unit_text, value_text
+from femimpact.units import number_text, unit_text, value_text
 
 if TYPE_CHECKING:
     import xarray
@@ -200,7 +200,9 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         ]
         yield f"worst at {', '.join(places)}"
     for name, value in design.limited.items():
-        yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(best.limits[name], best.units[name])}"
+        limit = best.limits[name]
+        used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
+        yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(limit, best.units[name])}{used}"
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

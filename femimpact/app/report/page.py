@@ -28,6 +28,9 @@ DIGITS = 5
 LEAST_DIGITS, MOST_DIGITS = 4, 7
 """Significant digits of the smallest number of a column at least, and of the largest one at most."""
 
+MOST_CARDS = 6
+"""Conclusions that stand side by side; the others are rows of a table."""
+
 LONG = 12
 """Letters of a value from which on it is set smaller."""
 
@@ -78,11 +81,25 @@ def section_element(section: Section) -> Element:
 
 
 def conclusions_element(conclusions: Iterable[Conclusion]) -> Element:
-    """Conclusions side by side, and what the mark of one sample means."""
-    shown = list(conclusions)
-    marked = any(one.one_sample for one in shown)
+    """The first conclusions side by side, the others as a table, and what the mark of one sample means."""
+    listed = list(conclusions)
+    cards, others = listed[:MOST_CARDS], listed[MOST_CARDS:]
+    marked = any(one.one_sample for one in listed)
     words = element("p.below", "One sample: the motion does not repeat, and another start has another value.")
-    return element("div", element("dl.conclusions", *map(_conclusion, shown)), words if marked else None)
+    rows = tuple(
+        (one.label, f"{one.value} {one.unit}".rstrip(), "; ".join(_certainty(one)), "; ".join((one.note, *one.details)))
+        for one in others
+    )
+    table = table_element(Table("Further numbers", ("quantity", "value", "range", "of"), rows)) if rows else None
+    return element("div", element("dl.conclusions", *map(_conclusion, cards)), table, words if marked else None)
+
+
+def _certainty(one: Conclusion) -> Iterator[str]:
+    """The range of a conclusion, and whether another start has another value."""
+    if one.scatter:
+        yield one.scatter
+    if one.one_sample:
+        yield "one sample"
 
 
 def conclusion_lines(conclusions: Iterable[Conclusion]) -> Iterator[str]:
@@ -113,7 +130,8 @@ def _conclusion(one: Conclusion) -> Element:
     )
     if one.details:
         details.append(element("dd.of", list_element(one.details, "known")))
-    return element("div.with-details" if one.details else "div", element("dt", one.label), value, *details)
+    # several lines need the width of the page
+    return element("div.with-details" if len(one.details) > 1 else "div", element("dt", one.label), value, *details)
 
 
 def list_element(texts: Sequence[str], kind: str) -> Element:
@@ -247,6 +265,7 @@ class Page:
 
     title: str
     by: str = ""  # author and date
+    answer: str = ""  # a sentence
     lead: tuple[str, ...] = ()  # what was computed, in sentences
     drawing: Element | None = None  # the structure
     conclusions: tuple[Conclusion, ...] = ()
@@ -255,6 +274,8 @@ class Page:
     notes: tuple[str, ...] = ()
     sections: tuple[Section, ...] = ()
     first: tuple[Section, ...] = ()  # before the drawing
+    foot: str = ""  # the last line
+    short: bool = False  # on one sheet of paper
 
 
 def write_page(path: Path, page: Page) -> Path:
@@ -279,20 +300,22 @@ def page_bytes(page: Page) -> bytes:
         element("style", _packaged("report.css")),
     )
     body = element(
-        "body",
+        "body.sheet" if page.short else "body",
         element("a.skip", "to the conclusions", href="#conclusions"),
         element(
             "header",
             element("p.maker", "femimpact"),
             element("h1", page.title),
             element("p.by", page.by) if page.by else None,
+            element("p.answer", page.answer) if page.answer else None,
             *(element("p.lead", text) for text in page.lead),
         ),
         element(
             "main",
-            element("nav", element("ul", *links), aria_label="Contents"),
+            None if page.short else element("nav", element("ul", *links), aria_label="Contents"),
             *(section_element(section) for section in sections),
         ),
+        element("footer", element("p", page.foot)) if page.foot else None,
         *(element("script", _packaged(name)) for name in SCRIPTS),
     )
     text = "<!DOCTYPE html>\n" + markup(element("html", head, body, lang="en")) + "\n"
@@ -310,12 +333,13 @@ def _found(page: Page) -> Section:
         content.append(conclusions_element(page.conclusions))
     for texts, kind, heading in (
         (page.missing, "missing", "What is missing"),
-        (page.warnings, "warnings", "Warnings"),
+        (page.warnings, "warnings", "Limits" if page.short else "Warnings"),
         (page.notes, "notes", "Notes"),
     ):
         if texts:
-            page_of = [element("p", f"What each means and what to do: {WARNINGS_PAGE}")] if kind == "warnings" else []
-            content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind), *page_of))
+            explained = kind == "warnings" and not page.short
+            where = element("p", f"What each means and what to do: {WARNINGS_PAGE}") if explained else None
+            content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind), where))
     if not content:
         content.append(element("p", "No numbers were found that could stand here."))
     return Section("conclusions", "What was found", tuple(content))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -25,12 +25,24 @@ from femimpact.app.study.findings import (
 )
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.orbits.figures import MARKS, kind_words
-from femimpact.units import SHOWN_IN, interval_texts, number_text, prefixed, typeset_number, unit_text, unit_words
+from femimpact.units import (
+    SHOWN_IN,
+    interval_texts,
+    number_text,
+    prefixed,
+    quantity_text,
+    typeset_number,
+    unit_text,
+    unit_words,
+)
 
 if TYPE_CHECKING:
     import xarray
 
 T = TypeVar("T")
+
+NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
+"""Labels, or their beginnings, of conclusions of which the answer is made."""
 
 
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
@@ -52,6 +64,46 @@ def result_conclusions(
         *conclusions_of(results.findings),
         *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
         *(() if data is None else results.attempt(name, lambda: study_conclusions(data, *best)) or ()),
+    )
+
+
+def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
+    """What was found, in a sentence; empty where nothing was."""
+    empty, ball = (findings.sweep.get(case) for case in ("empty", "ball"))
+    if empty is not None and ball is not None and _known(empty.peak_amplitude) and _known(ball.peak_amplitude):
+        return _answer_of_sweep(findings, empty, ball)
+    needed = [one for one in conclusions if one.label.startswith(NEEDED)]
+    if needed:
+        counts = " and ".join(f"{one.value} {one.label.removeprefix(NEEDED)}" for one in needed)
+        asked = f"relative error of {findings.accuracy:g}" if findings.accuracy is not None else "small error"
+        return f"A {asked} takes {counts}."
+    if findings.orbits is not None and findings.orbits.branches:
+        one, plural = conclusions[0], "es" * (len(findings.orbits.branches) > 1)
+        return f"{one.value} branch{plural} of periodic orbits {one.note}."
+    if not conclusions:
+        return ""
+    # of a history its peak, of a study what is best
+    one = next((each for each in conclusions if each.label == PEAK_OF_TIP), conclusions[0])
+    of = one.note.partition("; ")[0]
+    kind = f"; {findings.history.regime.label}" if one.label == PEAK_OF_TIP and findings.history is not None else ""
+    return f"{one.label}: {one.value} {one.unit}".rstrip() + f"{f', {of}' if of else ''}{kind}."
+
+
+def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary) -> str:
+    """By how much the largest motion of the tip differs with what the structure carries."""
+    start: Mapping[str, Spread] = next((findings.starts[one] for one in START_WORDS if one in findings.starts), {})
+    median = {name: spread.median for name, spread in start.items() if _known(spread.median)}
+    peak = median.get("peak_amplitude", ball.peak_amplitude)
+    frequency = median.get("peak_frequency", ball.peak_frequency)
+    ratio = median.get("amplitude_ratio", empty.peak_amplitude / peak)
+    carried, lower = findings.carried, ratio >= 1.0
+    one = not (carried.endswith("s") or " and " in carried)
+    verb = f"{'lower' if lower else 'raise'}{'s' * one}"
+    factor = number_text(ratio if lower else 1.0 / ratio, 3)
+    return (
+        f"The {carried} {verb} the largest motion of the tip from {quantity_text(empty.peak_amplitude, 'm', 3)} at "
+        f"{number_text(empty.peak_frequency, 3)} Hz to {quantity_text(peak, 'm', 3)} at "
+        f"{number_text(frequency, 3)} Hz: {factor} times {'less' if lower else 'more'}."
     )
 
 
@@ -243,11 +295,11 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
         history,
         of_peak,
         history.peak,
-        "Peak of the tip",
+        PEAK_OF_TIP,
         "m",
         note=over + _settling(history),
         details=details if rms else (),
-    ) or [Conclusion("Peak of the tip", "none", note="the history is shorter than a cycle")]
+    ) or [Conclusion(PEAK_OF_TIP, "none", note="the history is shorter than a cycle")]
     for name, channel in history.channels.items():
         if channel.unit in ("Pa", "N m"):
             spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
@@ -348,7 +400,7 @@ def convergence_conclusions(
         asked = f"for a relative error of {accuracy:g}, " if isinstance(accuracy, float) else ""
         conclusions.append(
             Conclusion(
-                f"Needed: {words.get(axis, axis)}",
+                f"{NEEDED}{words.get(axis, axis)}",
                 f"{recommended[worst]:.0f}",
                 scatter=asked + known_for,
                 note=f"most for {columns['quantity'][worst]}",
@@ -381,8 +433,8 @@ def study_lead(data: xarray.Dataset) -> list[str]:
         run = f"{cycles} cycles of the base, of which the last {measured} are measured"
     drive = [f"Drive: {data.attrs['drive']}."] if "drive" in data.attrs else []
     return [
-        f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
         *drive,
+        f"Parameter study: {int(np.prod(sizes))} cases{shape}, {each}; {run}, at {data.attrs['place']}.",
         f"Axes: {'; '.join(_axes(data))}.",
     ]
 

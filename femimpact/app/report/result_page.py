@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.app.parametric.best_design import BestCase, marks_of, worst_over_axes
+from femimpact.app.parametric.dataset import read_manifest
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
+    MOST_CARDS,
     Page,
     Section,
     Table,
@@ -25,6 +28,7 @@ from femimpact.app.report.page import (
 from femimpact.app.report.page_tables import beside, branch_table, case_table, channel_table, summary_table
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
+    answer_of,
     best_of,
     result_conclusions,
     result_warnings,
@@ -48,14 +52,17 @@ from femimpact.app.results.result_directory import (
 )
 from femimpact.app.study.findings import START_WORDS, Findings, joined
 from femimpact.app.study.prepared import in_study_words
-from femimpact.app.study.study import Study
+from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import require, require_path
 from femimpact.excitation.excitation import words_of
-from femimpact.excitation.harmonic import SteppedSine
-from femimpact.figures.study_labels import in_shown_units
+from femimpact.excitation.harmonic import Sine, SteppedSine
+from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
+from femimpact.integrators.event_driven import EventDriven
 from femimpact.orbits.figures import kind_words
 from femimpact.scene.placed import placed_structure
+from femimpact.sweep.sweep import frequency_sweep
 from femimpact.system.modes import mode_columns
+from femimpact.system.system import without_impactors
 from femimpact.units import PARAMETER_DIGITS, unit_text
 
 if TYPE_CHECKING:
@@ -65,6 +72,7 @@ if TYPE_CHECKING:
 def write_report(
     directory: str | Path,
     path: str | Path | None = None,  # of the file; `report.html` beside the results without one
+    short: bool = False,  # on one sheet of paper
 ) -> Path:
     """Write the report of a directory of results.
 
@@ -77,7 +85,8 @@ def write_report(
     with added_results(folder):
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
-        return write_page(folder / REPORT if path is None else Path(path), page_of(read_results(folder)))
+        page = page_of(read_results(folder), short=short)
+        return write_page(folder / REPORT if path is None else Path(path), page)
 
 
 def _holds_results(directory: Path) -> bool:
@@ -99,7 +108,8 @@ def add_report(
     try:
         folder = Path(directory)
         with added_results(folder):
-            write_page(folder / REPORT, page_of(read_results(folder, study), drawn))
+            page = page_of(read_results(folder, study), drawn, study.output.report == "short")
+            write_page(folder / REPORT, page)
     # no result hangs on it
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
@@ -108,7 +118,7 @@ def add_report(
     report("report", 1.0)
 
 
-def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) -> Page:
+def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, short: bool = False) -> Page:
     """The report of a directory of results."""
     findings, study = results.findings, results.study
     structure, system = (None, None) if study is None else (study.structure, results.system)
@@ -121,6 +131,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     best = best_of(results)
     conclusions = result_conclusions(results, best)
     studied, about = _of_parameter_study(results)
+    studied += results.attempt("what the best case is worth", lambda: list(_worth(results, best[0]))) or []
     records, refused = records_of(results, best[0])
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     sections = sections_of(records, beside, miss=results.miss, drawn=drawn)
@@ -138,9 +149,11 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
     given_title, by = _head(*head)
-    return Page(
+    page = Page(
         title=given_title or title,
         by=by,
+        answer=answer_of(findings, conclusions),
+        foot=_foot(results, joined(about, findings)),
         lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, findings)),
         drawing=drawing,
         conclusions=conclusions,
@@ -149,6 +162,44 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN) ->
         notes=findings.notes,
         sections=tuple(sections),
         first=(*first, *_next_step(results.folder)),
+    )
+    return short_page(page) if short else page
+
+
+# ---- one sheet -------------------------------------------------------------------------------------
+
+
+ON_SHEET = ("best", "response", "orbits", "convergence", "study", "motion")
+"""Parts of a page of which the first that has a picture gives that of the sheet."""
+
+LEFT_OFF_SHEET = ("Energy unaccounted for",)
+"""Conclusions that check the computation."""
+
+
+def short_page(page: Page) -> Page:
+    """Question, structure, drive, answer with its range, a picture and limits: without paths and residuals."""
+    sections = {section.key: section for section in (*page.first, *page.sections)}
+    pictures = [
+        picture
+        for key in ON_SHEET
+        if key in sections
+        for part in sections[key].content
+        for picture in part.iter("figure")
+        if picture.get("class") == "picture"
+    ][:1]
+    conclusions = [replace(one, details=()) for one in page.conclusions if one.label not in LEFT_OFF_SHEET]
+    for picture in pictures:
+        # the names of files
+        for words in picture.findall("p"):
+            picture.remove(words)
+    return replace(
+        page,
+        conclusions=tuple(conclusions[:MOST_CARDS]),
+        missing=(),
+        notes=(),
+        first=(),
+        sections=(Section("picture", "Picture", tuple(pictures)),) if pictures else (),
+        short=True,
     )
 
 
@@ -191,11 +242,62 @@ def _of_parameter_study(results: ResultReading) -> tuple[list[str], Findings]:
 def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Measure]:
     """The worst value of measures over the axes that one chooses; none of a list of cases, or without a best case."""
     worst = {measure: worst_over_axes(data, case) for measure, case in best.items()}
+    # of several measures one: the pages of the others are a map each
     return [
         Measure(one, measure, "study_best", marks_of(best[measure]))
         for measure, one in worst.items()
         if one is not None
-    ]
+    ][:1]
+
+
+def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> Iterator[str]:
+    """Over which axes the worst counts, and the worst peak without balls beside that of the best case."""
+    data, study = results.parameter_study, results.study
+    case = next(iter(best.values()), None)
+    if data is None or case is None:
+        return
+    if case.worst_over:
+        yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
+    design, axes = case.designs[0], set(axis_names(data))
+    of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
+    if study is None or case.measure != "peak" or design.reason or not of_balls:
+        return
+    sine, system = study.excitation, build_systems(study)[1]
+    bare = without_impactors(system)
+    if not system.balls or bare.contacts or not isinstance(sine, Sine):
+        return
+    f = np.unique(data[FREQUENCY].to_numpy()) if FREQUENCY in axes else np.array([sine.frequency])
+    curve = frequency_sweep(
+        bare, sine.amplitude, f, EventDriven(), int(data.attrs["cycles"]), at=data.attrs["place"], ledger=False
+    )
+    peak, value = curve.peak_amplitude, float(data["peak"].to_numpy().flat[design.case])
+    yield (
+        f"Without {results.findings.carried} the largest peak is {unit_text(peak, 'm')}, at "
+        f"{curve.peak_frequency:.4g} Hz: {peak / value:.3g} times that of the best case."
+    )
+
+
+FREQUENCY = "base.frequency"
+
+
+def _foot(results: ResultReading, findings: Findings) -> str:
+    """Version, core, command, seeds and the key of a parameter study."""
+    studied = results.parameter_study is not None
+    command = "study" if studied else "orbits" if findings.orbits else "converge" if findings.problems else "run"
+    blocks = results.folder / STUDY_BLOCKS / STUDY_MANIFEST
+    key = results.attempt("key of the study", lambda: read_manifest(results.folder)["key"]) if blocks.is_file() else ""
+    parts = {
+        "femimpact": findings.versions.get("femimpact", "of a version that is not known"),
+        "core": str((findings.core or {}).get("sources", ""))[:KEY_LETTERS],
+        "femimpact " + ("demo" if findings.answer else command): findings.study,
+        "seeds:": "; ".join(findings.seeds),
+        "key": str(key or "")[:KEY_LETTERS],
+    }
+    return " · ".join(f"{name} {value}" for name, value in parts.items() if value)
+
+
+KEY_LETTERS = 12
+"""Letters of a hash that a line shows."""
 
 
 def _head(*texts: str) -> tuple[str, str]:
@@ -210,7 +312,8 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
         return [f"{problem}." for problem in findings.problems]
     sentences = [f"History: {study.history_words}." if findings.history is not None else ""]
     base = ""
-    if study.kind == "sine":
+    # of a study over the level or the frequency its first sentence has the drive
+    if study.kind == "sine" and not findings.problems and study.plan is None:
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
     if findings.sweep and study.sweep is not None:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.parametric.best import best_cases
-from femimpact.app.report.markup import Element, element
+from femimpact.app.parametric.measured_peaks import Calibration
+from femimpact.app.report.markup import Element, element, picture_element
 from femimpact.app.report.page import (
     Conclusion,
     Page,
@@ -24,6 +25,7 @@ from femimpact.app.report.page_tables import beside, is_parameter_study, summary
 from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     TRANSIENT,
+    answer_of,
     number_conclusion,
     study_conclusions,
     study_failures,
@@ -35,6 +37,7 @@ from femimpact.app.report.result_page import about_section, best_measures
 from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
+from femimpact.app.study.findings import Findings
 from femimpact.app.study.summary import kind_of_peak, peak_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import (
@@ -52,9 +55,14 @@ from femimpact.errors import (
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
+from femimpact.orbits.branch import Branch
+from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.decay import DecayEstimate
+from femimpact.signals.densities import Spectrum
+from femimpact.signals.shock_response import ShockResponseSpectrum
+from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Structure
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
@@ -65,10 +73,16 @@ MOST_PLAYERS = 3
 
 NO_PLAYER = "The player of this run was left out for the size of the page: a report of this run alone has it."
 
+RECORDS = (
+    DecayEstimate, PeriodicOrbit, Branch, Calibration, Spectrum, TransferFunction, ShockResponseSpectrum,
+)  # fmt: skip
+"""Kinds of records whose pictures are all that a page has of them."""
+
 ALLOWED = (
     "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, a "
-    "DecayEstimate, an xarray.Dataset, a pandas.DataFrame, a record with to_pandas, or a mapping of names to columns "
-    "of one length"
+    "DecayEstimate, an orbit or a branch, a Calibration, a Preflight, a spectrum or a transfer function, an "
+    "xarray.Dataset, a pandas.DataFrame, a figure of matplotlib, a record with to_pandas, or a mapping of names to "
+    "columns of one length"
 )
 
 
@@ -94,9 +108,10 @@ def report(
     path : str or Path
     parts : mapping of str to result
         Each under its heading: a `Response`, a `FrequencyResponse` or a mapping of names to several, a
-        `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, the dataset of `parameter_study` (what is best,
-        maps and cases), another `xarray.Dataset` (quantities over two axes become maps), a
-        `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
+        `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, a `PeriodicOrbit`, a `Branch`, a `Calibration`, a
+        `Preflight`, a spectrum or a `TransferFunction`, a figure or axes of matplotlib, the dataset of
+        `parameter_study` (what is best, maps and cases), another `xarray.Dataset` (quantities over two axes become
+        maps), a `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
     structure : Structure, optional
         Is drawn, and gives the player of a response with snapshots its beam.
     title : str
@@ -141,15 +156,17 @@ def report(
         for name, curve in _curves(heading, part).items()
     }
     speaking = {**responses, **curves, **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate)}}
+    conclusions = (
+        *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
+        *_of_curves(curves),
+        *_of_responses(responses),
+    )
     page = Page(
         title=title,
+        answer=answer_of(Findings(), conclusions),
         lead=tuple(text for part in studies.values() for text in study_lead(part)),
         drawing=_drawing(structure, responses),
-        conclusions=(
-            *_of_curves(curves),
-            *_of_responses(responses),
-            *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
-        ),
+        conclusions=conclusions,
         missing=_of_studies(studies, study_missing),
         warnings=(*_said("warnings", speaking), *_of_studies(studies, study_failures)),
         notes=(*notes, *_said("notes", speaking)),
@@ -227,7 +244,7 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
 def _sections(number: int, heading: str, part: Any, player: Element | None) -> list[Section]:
     """The sections of one part: the first is under its heading, the others name what they hold besides."""
     key = f"part-{number + 1}"
-    records, elements = _shown(heading, part)
+    records, elements = _shown(heading, part, key)
     shown: dict[str, list[Element]] = {} if player is None else {"player": [player]}
     for place, one in (*elements, *(pair for record in records for pair in beside(record))):
         shown.setdefault(place, []).append(one)
@@ -237,7 +254,7 @@ def _sections(number: int, heading: str, part: Any, player: Element | None) -> l
     ]
 
 
-def _shown(heading: str, part: Any) -> tuple[list[Any], list[tuple[str, Element]]]:
+def _shown(heading: str, part: Any, key: str) -> tuple[list[Any], list[tuple[str, Element]]]:
     """What pictures are drawn of, and further words and tables with the section in which they stand."""
     curves = _curves(heading, part)
     if curves:
@@ -252,8 +269,10 @@ def _shown(heading: str, part: Any) -> tuple[list[Any], list[tuple[str, Element]
     if isinstance(part, ConvergenceTable | ConvergenceStudy):
         tables = list(part.tables.values()) if isinstance(part, ConvergenceStudy) else [part]
         return tables, [("convergence", table_element(summary_table(*table.summary()))) for table in tables]
-    if isinstance(part, DecayEstimate):
+    if isinstance(part, RECORDS):
         return [part], []
+    if any(kind.__module__.startswith("matplotlib.") for kind in type(part).__mro__):
+        return [], [("study", picture_element(part, f"{key}-figure", heading))]
     if hasattr(part, "data_vars") and hasattr(part, "dims"):
         measures = measures_of(part)
         require(bool(measures), f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")

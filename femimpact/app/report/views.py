@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact import figures
+from femimpact.app.parametric.measured_peaks import Calibration
 from femimpact.app.report.markup import Element, element, picture_element
 from femimpact.app.report.page import Section
 from femimpact.app.results.branch_file import FollowedBranches
@@ -29,6 +30,8 @@ from femimpact.figures.drawing import figure_of, panels
 from femimpact.figures.histories import MOST_LINES, drawn_channels
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
+from femimpact.orbits.branch import Branch
+from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
 from femimpact.signals.decay import DecayEstimate
 from femimpact.signals.densities import Spectrum, drive_history, remarks, spectrum
@@ -175,6 +178,8 @@ VIEWS = (
             followed.branches, OFF_SCREEN, title=f"{followed.modes} modes kept", swept=followed.swept
         ),
     ),
+    View("orbits", Branch, "branch", lambda one: figures.branch(one, OFF_SCREEN), title="Largest displacement"),
+    View("orbits", PeriodicOrbit, "orbit", lambda one: figures.orbit(one, figure=OFF_SCREEN), title="One period"),
     View("drive", Run, "drive", lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN)),
     View(
         "motion", Run, "history", lambda run: figures.channels(run.whole, run.end, OFF_SCREEN),
@@ -233,6 +238,10 @@ VIEWS = (
     View(
         "study", Measure, "{0.stem}", _of_measure, when=lambda one: one.marks is None, file="parameter_table",
         title="{0.title}",
+    ),
+    View(
+        "study", Calibration, "calibration", lambda one: figures.calibration(one, figure=OFF_SCREEN),
+        title="Posterior of the parameters, and the peaks at its medians",
     ),
     View(
         "decay", DecayEstimate, "decay", lambda estimate: figures.decay(estimate, OFF_SCREEN),

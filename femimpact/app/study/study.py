@@ -251,8 +251,8 @@ class Output:
         Whether they are made.
     vtkhdf : bool
         Whether the deflections are in one temporal VTKHDF file too.
-    report : bool
-        Whether `report.html` is written.
+    report : bool or "short"
+        Whether `report.html` is written; "short": as one sheet of paper for who asked for the design.
     title, author, date : str
         Stand at the head of the report as they are; a title takes the place of the name of the study.
     starts : int
@@ -271,7 +271,7 @@ class Output:
     paraview: bool = field(default=True, metadata=truth())
     vtkhdf: bool = field(default=False, metadata=truth())
     movie: bool = field(default=True, metadata=truth())
-    report: bool = field(default=True, metadata=truth())
+    report: bool | str = field(default=True, metadata=truth("short"))
     title: str = field(default="", metadata=name_text(lines=True))
     author: str = field(default="", metadata=name_text(lines=True))
     date: str = field(default="", metadata=name_text(lines=True))
