@@ -7,7 +7,7 @@ import json
 import math
 import shutil
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -568,3 +568,85 @@ def test_a_drive_is_read_as_its_trade_reads_it(tmp_path):
     short = fi.integrate(system, drives["chirp"], fi.EventDriven(), 5.0, record)
     page = fi.report(tmp_path / "short.html", {"chirp": short}).read_text(encoding="utf-8")
     assert "No spectrum of tip: response.time" in page
+
+
+# ---- the answer, and a sheet of paper ---------------------------------------------------------------
+
+
+def test_a_page_begins_with_its_answer_and_each_number_is_a_card_or_a_row(sound):
+    from femimpact.app.report.result_conclusions import best_of, result_conclusions
+    from femimpact.app.results.picture_data import read_results
+
+    results = read_results(sound)
+    conclusions = result_conclusions(results, best_of(results))
+    text = text_of(sound)
+    answer = Parsed(text[text.index('class="answer"') : text.index("</p>", text.index('class="answer"'))]).text
+    empty, ball = (results.findings.sweep[case].peak_amplitude for case in ("empty", "ball"))
+    assert all(f"{1e3 * peak:.3g} mm" in answer for peak in (empty, ball))
+    assert f"{empty / ball:.3g} times less" in answer
+    found = section(text, "conclusions")
+    cards, rows = found.count("<dt>"), found.count("<tr>") - 1
+    assert cards == min(len(conclusions), 6)
+    assert cards + rows == len(conclusions) > 6
+    assert all(one.label in Parsed(found).text for one in conclusions)
+
+
+def test_the_answer_of_a_sweep_says_what_the_ball_does():
+    from femimpact.app.report.result_conclusions import answer_of
+    from femimpact.app.study.findings import CurveSummary, Findings
+
+    def curve(peak, frequency):
+        values = {"peak_amplitude": peak, "peak_frequency": frequency, "peak_is_one_start": False}
+        names = {item.name for item in fields(CurveSummary)}
+        return CurveSummary(**{**dict.fromkeys(names), **values})
+
+    sweep = {"empty": curve(36.8e-3, 5.3), "ball": curve(4.6e-3, 5.51)}
+    assert answer_of(Findings(sweep=sweep), ()) == (
+        "The ball lowers the largest motion of the tip from 36.8 mm at 5.3 Hz to 4.6 mm at 5.51 Hz: 8 times less."
+    )
+    larger = {"empty": sweep["ball"], "ball": sweep["empty"]}
+    assert "The ball raises the largest motion" in answer_of(Findings(sweep=larger), ())
+    assert "8 times more" in answer_of(Findings(sweep=larger), ())
+
+
+def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(results):
+    text = write_report(results, results / "sheet.html", True).read_text(encoding="utf-8")
+    page = Parsed(text)
+    assert not fetched(page)
+    assert 'class="answer"' in text
+    assert text.count('class="picture"') == 1
+    for words in ("Energy unaccounted", ".csv", ".nc", str(results), "SHA-256", "<nav"):
+        assert words in text_of(results) or words == str(results)
+        assert words not in text
+    # the same by the command and by the key of a study
+    app(["report", str(results), "--short", "-o", str(results / "again.html")], result_action="return_value")
+    assert (results / "again.html").read_text(encoding="utf-8") == text
+
+
+def test_a_study_asks_for_its_sheet_and_other_words_are_refused(tmp_path):
+    run_study(short_study(0.5, **PAGE | {"report": "short"}), tmp_path / "out")
+    assert text_of(tmp_path / "out").count("<nav") == 0
+    with pytest.raises(fi.InputError, match=r"report = 'long': must be True or False, or 'short'"):
+        replace(short_study(0.5).output, report="long")
+
+
+def test_orbits_branches_spectra_preflights_and_figures_are_parts_of_a_page(tmp_path):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    rigid = replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], gap=2e-3, contact=fi.Rigid(0.6)),))
+    system, base = reduced(rigid, 4, 20), fi.Sine(0.2e-3, 5.25)
+    orbit = next(one for one in fi.orbits.two_impact_orbits(system, base) if one.is_stable)
+    figure, _ = pyplot.subplots()
+    parts = {
+        "An orbit": orbit,
+        "A branch": fi.continue_orbit(orbit, "frequency", to=(5.24, 5.26), points=5),
+        "A transfer function": fi.transfer_function(fi.without_impactors(system), np.linspace(5.0, 5.6, 9)),
+        "A figure of mine": figure,
+    }
+    preflight = fi.preflight(system, base, duration=60.0)
+    text = fi.report(tmp_path / "page.html", {**parts, "A test": preflight}).read_text(encoding="utf-8")
+    pyplot.close("all")
+    keys = [f"part-{number}" for number in range(1, 6)]
+    assert [section(text, key).count('class="picture"') for key in keys] == [1, 1, 1, 1, 0]
+    assert section(text, "part-5").count("<tr>") == 1 + len(preflight.rows)
+    with pytest.raises(fi.InputError, match="an orbit or a branch"):
+        fi.report(tmp_path / "page.html", {"three": 3})

@@ -13,6 +13,7 @@ import pytest
 import xarray
 from builders import (
     ResultFileWarning,
+    build,
     paper_study,
     paper_study_text,
     read_study,
@@ -299,3 +300,38 @@ def test_parts_of_a_study_make_a_report_too(sound, tmp_path):
     data = xarray.load_dataset(sound / "study.nc", engine="h5netcdf")
     for i, part in enumerate((data.isel({data["peak"].dims[0]: 0}), data[["peak"]], data.drop_attrs())):
         assert fi.report(tmp_path / f"{i}.html", {"Study": part}).exists()
+
+
+def test_a_study_begins_with_its_drive_and_with_what_the_best_case_is_worth(tmp_path):
+    given = study(
+        '[study]\nmeasures = ["peak", "root.surface_stress"]\ncycles = 60\n[study.axes]\n'
+        '"impactor.ball.gap" = [0.002, 0.004]\n"base.frequency" = [5.2, 5.3, 5.4]\n'
+        '[study.best]\nmeasure = "peak"\nlimits = { "root.surface_stress" = 200e6 }\n'
+    )
+    data = write_parameter_study(given, tmp_path)
+    text = text_of(tmp_path)
+    head = Parsed(text[: text.index("<main")]).text
+    assert head.index("Drive: a sine of the base, amplitude 0.2037 mm") < head.index("Parameter study: 6 cases")
+    assert "The worst counts over frequency of base." in head
+    worst = float(data["peak"].max("base.frequency").min())
+    bare = fi.without_impactors(build(given)[1])
+    empty = fi.frequency_sweep(bare, 0.2037e-3, [5.2, 5.3, 5.4], fi.EventDriven(), cycles=60)
+    told = re.search(r"Without ball the largest peak is ([\d.]+) mm, at 5.3 Hz: ([\d.]+) times", head)
+    assert float(told[1]) == pytest.approx(1e3 * empty.peak_amplitude, rel=1e-3)
+    assert float(told[2]) == pytest.approx(empty.peak_amplitude / worst, rel=1e-2)
+    # one map or line of the worst, and how much of the limit the stress uses
+    assert section(text, "best").count('class="picture"') == 1
+    used = re.search(r"root.surface_stress ([\d.]+) MPa, limit 200 MPa, ([\d.]+) % of it", Parsed(text).text)
+    assert float(used[2]) == pytest.approx(float(used[1]) / 2.0, rel=1e-2)
+    # the last line: version, core, command and key
+    foot = Parsed(text[text.index("<footer") : text.index("</footer")]).text
+    assert re.match(rf"femimpact {re.escape(fi.__version__)} · core \w{{12}} · femimpact study .*key \w{{12}}", foot)
+
+
+def test_nothing_is_said_of_a_beam_without_balls_where_the_axes_vary_the_beam(tmp_path):
+    given = study(
+        '[study]\nmeasures = ["peak"]\ncycles = 30\n[study.axes]\n"beam.thickness" = [0.001, 0.0011]\n'
+        '"base.frequency" = [5.2, 5.3]\n'
+    )
+    write_parameter_study(given, tmp_path)
+    assert "Without ball the largest" not in Parsed(text_of(tmp_path)).text

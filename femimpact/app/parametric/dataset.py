@@ -17,7 +17,6 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +24,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from femimpact import __version__, core
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.runs import BlockValues
 from femimpact.app.results.result_directory import (
@@ -158,7 +158,8 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
         "measures": [item.name for item in study.chosen],
         "attributes": {
             "title": "femimpact parameter study",
-            "femimpact": version("femimpact"),
+            "femimpact": __version__,
+            "core": str(core.build_info()["sources"]),
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "python": ".".join(map(str, sys.version_info[:3])),

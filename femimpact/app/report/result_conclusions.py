@@ -565,4 +565,5 @@ def study_versions(data: xarray.Dataset) -> Findings:
     starts = int(data.attrs["starts"])
     seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
     seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
-    return Findings(versions=versions, seeds=tuple(seeds))
+    known = {"sources": str(data.attrs["core"])} if "core" in data.attrs else {}
+    return Findings(versions=versions, core=known, seeds=tuple(seeds))

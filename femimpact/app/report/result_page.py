@@ -289,7 +289,7 @@ def _foot(results: ResultReading, findings: Findings) -> str:
     parts = {
         "femimpact": findings.versions.get("femimpact", "of a version that is not known"),
         "core": str((findings.core or {}).get("sources", ""))[:KEY_LETTERS],
-        "femimpact " + ("demo" if findings.answer else command): findings.study,
+        "femimpact " + ("demo" if findings.answer else command): findings.study or FILES["study"].name,
         "seeds:": "; ".join(findings.seeds),
         "key": str(key or "")[:KEY_LETTERS],
     }

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from femimpact import __version__
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.measured_peaks import Calibration
 from femimpact.app.report.markup import Element, element, picture_element
@@ -164,6 +165,7 @@ def report(
     page = Page(
         title=title,
         answer=answer_of(Findings(), conclusions),
+        foot=f"femimpact {__version__}",
         lead=tuple(text for part in studies.values() for text in study_lead(part)),
         drawing=_drawing(structure, responses),
         conclusions=conclusions,
