@@ -94,7 +94,7 @@ class DecayMode:
             text, least, most = interval_texts(value, low, high)
             interval = f"{LEVEL:.0%} interval {least} to {most}" if known else "no interval"
             texts.append(f"{text}{unit} ({interval})")
-        return f"{texts[0]}, damping ratio {texts[1]}, amplitude {number_text(self.amplitude)}"
+        return f"natural frequency {texts[0]}, damping ratio {texts[1]}, amplitude {number_text(self.amplitude)}"
 
 
 @short_repr

@@ -27,11 +27,13 @@ from femimpact.structure.structure import Position
 from femimpact.system.modes import mode_count, solve_modes
 from femimpact.system.state import STILL
 from femimpact.system.system import System
+from femimpact.table import Head, head_of_columns, short_repr
 
 ROUNDING = 1e-6
 """Share of an interval between samples: an instant this near to a sample of the response is that sample."""
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class LaserReading:
     """Displacement that a laser has read.
@@ -56,6 +58,13 @@ class LaserReading:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def _head(self) -> Head:
+        warned = f"{100.0 * self.clipped:.3g} % of the samples clipped" if self.clipped else "no sample clipped"
+        title = f"LaserReading of {self.at}, relative to the base: {warned}"
+        columns = {"time": self.time, "displacement": self.displacement}
+        return head_of_columns(title, columns, {"time": "s", "displacement": "m"})
 
 
 @dataclass(frozen=True)
