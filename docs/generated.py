@@ -327,7 +327,9 @@ ON_SITE = {
     "reference/command_line": "{include} ../api/commands.inc.md",
     "reference/bibliography": "{bibliography}\n:all:",
     "reference/index": "{toctree}\n:hidden:\n\nPython names <../api/index>",
-    "development/contributing": "{include} ../../CONTRIBUTING.md\n:start-after: '# Working on femimpact'",
+    "development/contributing": (
+        "{include} ../../CONTRIBUTING.md\n:start-after: '# Working on femimpact'\n:relative-docs: docs"
+    ),
 }
 """What the site has at the end of a page; where the repository is hosted the page is plain Markdown without it."""
 
