@@ -164,14 +164,15 @@ def plan_of_cases(study: Study) -> Plan:
     drawn = START + (SECONDS_OF_FIGURE * len(cases.chosen) if study.output.figures else 0.0)
     dwell, table = cases.dwell, cases.table
     shape = " x ".join(map(str, table.shape)) if table.is_grid else f"{table.size} of a sample"
-    return Plan((
-        f"study: {_counted(table.size, 'case')} ({shape}), {_counted(cases.starts, 'start')} each, "
-        + (f"{dwell} cycles, of which {dwell // 3} are measured" if dwell else study.history_words),
+    length = f"{dwell} cycles, of which {dwell // 3} are measured" if dwell else study.history_words
+    runs = f"study: {_counted(table.size, 'case')} ({shape}), {_counted(cases.starts, 'start')} each, {length}"
+    cost = (
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(cases, study) / 1e6, 2)} MB "
-        "on disk",
-    ))  # fmt: skip
+        "on disk"
+    )
+    return Plan((runs, cost))
 
 
 def _cost(cases: ParameterStudy, study: Study) -> tuple[float, float]:
