@@ -323,6 +323,11 @@ def test_a_study_begins_with_its_drive_and_with_what_the_best_case_is_worth(tmp_
     assert section(text, "best").count('class="picture"') == 1
     used = re.search(r"root.surface_stress ([\d.]+) MPa, limit 200 MPa, ([\d.]+) % of it", Parsed(text).text)
     assert float(used[2]) == pytest.approx(float(used[1]) / 2.0, rel=1e-2)
+    # on the sheet too, where the other details of the best case are left out
+    sheet = Parsed(write_report(tmp_path, tmp_path / "sheet.html", True).read_text(encoding="utf-8")).text
+    assert used[0] in sheet
+    assert "worst at" in Parsed(text).text
+    assert "worst at" not in sheet
     # the last line: version, core, command and key
     foot = Parsed(text[text.index("<footer") : text.index("</footer")]).text
     assert re.match(rf"femimpact {re.escape(fi.__version__)} · core \w{{12}} · femimpact study .*key \w{{12}}", foot)

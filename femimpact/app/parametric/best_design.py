@@ -187,6 +187,10 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"  without a value: {_first_of(named)}"
 
 
+LIMIT = "limit"
+"""The word before the limit of a measure, beside its value."""
+
+
 def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
     """What is known of a best design beside its value."""
     if best.uncertain:
@@ -202,7 +206,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
     for name, value in design.limited.items():
         limit = best.limits[name]
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
-        yield f"{name} {unit_text(value, best.units[name])}, limit {unit_text(limit, best.units[name])}{used}"
+        yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.app.parametric.best_design import BestCase, marks_of, worst_over_axes
+from femimpact.app.parametric.best_design import LIMIT, BestCase, marks_of, worst_over_axes
 from femimpact.app.parametric.dataset import read_manifest
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
@@ -187,7 +187,11 @@ def short_page(page: Page) -> Page:
         for picture in part.iter("figure")
         if picture.get("class") == "picture"
     ][:1]
-    conclusions = [replace(one, details=()) for one in page.conclusions if one.label not in LEFT_OFF_SHEET]
+    conclusions = [
+        replace(one, details=tuple(text for text in one.details if f", {LIMIT} " in text))
+        for one in page.conclusions
+        if one.label not in LEFT_OFF_SHEET
+    ]
     for picture in pictures:
         # the names of files
         for words in picture.findall("p"):
