@@ -315,8 +315,10 @@ def test_a_study_begins_with_its_drive_and_with_what_the_best_case_is_worth(tmp_
     assert "The worst counts over frequency of base." in head
     worst = float(data["peak"].max("base.frequency").min())
     bare = fi.without_impactors(build(given)[1])
-    empty = fi.frequency_sweep(bare, 0.2037e-3, [5.2, 5.3, 5.4], fi.EventDriven(), cycles=60)
-    told = re.search(r"Without ball the largest peak is ([\d.]+) mm, at 5.3 Hz: ([\d.]+) times", head)
+    # the resonance lies between two frequencies of the axis: a long dwell there
+    first = bare.first_frequency
+    empty = fi.frequency_sweep(bare, 0.2037e-3, [first], fi.EventDriven(), cycles=3000)
+    told = re.search(r"largest steady peak from 5.2 to 5.4 Hz is ([\d.]+) mm, at 5.3 Hz: ([\d.]+) times", head)
     assert float(told[1]) == pytest.approx(1e3 * empty.peak_amplitude, rel=1e-3)
     assert float(told[2]) == pytest.approx(empty.peak_amplitude / worst, rel=1e-2)
     # one map or line of the worst, and how much of the limit the stress uses
@@ -326,8 +328,7 @@ def test_a_study_begins_with_its_drive_and_with_what_the_best_case_is_worth(tmp_
     # on the sheet too, where the other details of the best case are left out
     sheet = Parsed(write_report(tmp_path, tmp_path / "sheet.html", True).read_text(encoding="utf-8")).text
     assert used[0] in sheet
-    assert "worst at" in Parsed(text).text
-    assert "worst at" not in sheet
+    assert "worst at" in sheet
     # the last line: version, core, command and key
     foot = Parsed(text[text.index("<footer") : text.index("</footer")]).text
     assert re.match(rf"femimpact {re.escape(fi.__version__)} · core \w{{12}} · femimpact study .*key \w{{12}}", foot)
@@ -339,4 +340,4 @@ def test_nothing_is_said_of_a_beam_without_balls_where_the_axes_vary_the_beam(tm
         '"base.frequency" = [5.2, 5.3]\n'
     )
     write_parameter_study(given, tmp_path)
-    assert "Without ball the largest" not in Parsed(text_of(tmp_path)).text
+    assert "Without ball" not in Parsed(text_of(tmp_path)).text

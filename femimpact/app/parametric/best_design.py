@@ -187,8 +187,8 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"  without a value: {_first_of(named)}"
 
 
-LIMIT = "limit"
-"""The word before the limit of a measure, beside its value."""
+LIMIT, WORST_AT = "limit", "worst at"
+"""Words before the limit of a measure, and before the place where a design is worst."""
 
 
 def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
@@ -202,7 +202,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             for axis, value in design.worst_at.items()
             for end in [design.worst_bounds.get(axis)]
         ]
-        yield f"worst at {', '.join(places)}"
+        yield f"{WORST_AT} {', '.join(places)}"
     for name, value in design.limited.items():
         limit = best.limits[name]
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""

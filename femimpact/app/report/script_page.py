@@ -34,7 +34,7 @@ from femimpact.app.report.result_conclusions import (
     study_missing,
     study_versions,
 )
-from femimpact.app.report.result_page import about_section, best_measures
+from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures
 from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
@@ -165,7 +165,7 @@ def report(
     page = Page(
         title=title,
         answer=answer_of(Findings(), conclusions),
-        foot=f"femimpact {__version__}",
+        foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
         lead=tuple(text for part in studies.values() for text in study_lead(part)),
         drawing=_drawing(structure, responses),
         conclusions=conclusions,
@@ -180,6 +180,12 @@ def report(
         ),
     )
     return write_page(file, page)
+
+
+def _computed_by(study: Any) -> str:
+    """Core and seeds of a parameter study."""
+    findings = study_versions(study)
+    return f"core {str(findings.core.get('sources', 'not known'))[:KEY_LETTERS]}, seeds: {'; '.join(findings.seeds)}"
 
 
 def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
