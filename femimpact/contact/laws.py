@@ -501,6 +501,12 @@ def hertz_stiffness(radius: float, ball: Material, wall: Material) -> float:
     Notes
     -----
     Hertz (1882); Johnson, Contact Mechanics (1985).
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> f"{fi.contact.hertz_stiffness(5e-3, fi.contact.STEEL, fi.contact.STEEL):.3g} N/m^1.5"
+    '1.09e+10 N/m^1.5'
     """
     size = checked("radius", radius, quantity("m", above=0.0))
     for key, body in (("ball", ball), ("wall", wall)):
