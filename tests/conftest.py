@@ -176,6 +176,13 @@ def undrawn(monkeypatch) -> None:
     monkeypatch.setattr("femimpact.app.tasks.task.draw_kinds", draw_kinds)
 
 
+@pytest.fixture
+def empty_pictures(monkeypatch) -> None:
+    """Figures of a page are drawn, and stand on it as empty pictures; for tests that look at what is around them."""
+    empty = '<svg xmlns="http://www.w3.org/2000/svg" width="100pt" height="60pt" viewBox="0 0 100 60"/>'
+    monkeypatch.setattr("femimpact.app.report.markup.svg_text", lambda _drawn: empty)
+
+
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory) -> Iterator[Path]:
     """A directory with `study.toml` and what a run of it left in `out`; a test that changes it takes a copy.
