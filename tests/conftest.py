@@ -82,6 +82,13 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "impacts: runs impacts, whose motion may be chaotic")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Files without a marked test are not imported where only such tests are run."""
+    if config.getoption("--perturb-modes") is None or collection_path.suffix != ".py":
+        return None
+    return True if "mark.impacts" not in collection_path.read_text(encoding="utf-8") else None
+
+
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--perturb-modes") is None:
         return
