@@ -61,7 +61,7 @@ def test_no_reading_of_a_decay_can_be_much_better(modes, noise):
     errors = [[(m.frequency - f, m.damping_ratio - z) for m, (f, z, *_) in zip(one.modes, modes, strict=True)]
               for one in found]  # fmt: skip
     bound = cramer_rao(modes, noise * np.abs(decay(*modes)).max())
-    # of a number the mean square of 30 errors at the bound exceeds 1.69 times it in 1 of 90 draws, and that of the 60 of
+    # of a number the mean square of 30 errors at the bound exceeds 1.69 times it in 1 of 90 draws, and that of 60 of
     # two numbers exceeds 1.44 times it in 1 of 70; the seeds are fixed
     squares = np.mean(np.square(errors / bound), axis=0)
     assert np.all(squares <= 1.3**2)
