@@ -174,6 +174,12 @@ def bouncing(reference: fi.Structure) -> fi.System:
 
 
 @pytest.fixture
+def unreported(monkeypatch) -> None:
+    """A run leaves no page; for tests that look at the rest of its results."""
+    monkeypatch.setattr("femimpact.app.tasks.task.add_report", lambda *_: None)
+
+
+@pytest.fixture
 def undrawn(monkeypatch) -> None:
     """Nothing draws the pictures of a run, whose data are written; for tests that look at no picture."""
 

@@ -217,6 +217,7 @@ def fault_of_class(name: str, given: dict[str, object], key: str) -> str | None:
 
 
 @pytest.mark.parametrize("name", ALL)
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_wrong_argument_is_named_in_one_line_or_taken_as_what_it_is(name):
     given = ALL[name][1]()
     # a good call that fails would hide every fault of its arguments

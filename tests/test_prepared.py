@@ -44,6 +44,8 @@ from femimpact.app.tasks import run as runs
 from femimpact.app.tasks.run import last_cycles
 from femimpact.cli import print_results
 
+pytestmark = pytest.mark.usefixtures("unreported")
+
 
 @pytest.fixture(scope="module")
 def study():
@@ -179,6 +181,7 @@ def test_the_last_cycles_cost_no_more_than_they_take(study, method, cycles, monk
         np.testing.assert_array_equal(cut.channels[name], values)
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("method", ["newmark", "event-driven"])
 @pytest.mark.parametrize("every", [None, 3])
 def test_a_file_keeps_some_twenty_rows_of_a_cycle_unless_the_study_says_how_many(study, tmp_path, method, every):

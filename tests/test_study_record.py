@@ -18,7 +18,7 @@ from femimpact.app.study.study_file import with_record
 from femimpact.app.tasks.convergence import task_of_convergence
 from femimpact.cli import app
 
-pytestmark = pytest.mark.impacts
+pytestmark = [pytest.mark.impacts, pytest.mark.usefixtures("unreported")]
 
 G = 9.80665
 FREQUENCY, PER_CYCLE, CYCLES, AMPLITUDE = 5.0, 40, 20, 0.2e-3

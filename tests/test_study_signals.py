@@ -9,7 +9,7 @@ from builders import UNDRAWN_STUDY, read_study, run_study, study_text
 
 import femimpact as fi
 
-pytestmark = pytest.mark.impacts
+pytestmark = [pytest.mark.impacts, pytest.mark.usefixtures("unreported")]
 
 KINDS = {
     "chirp": (

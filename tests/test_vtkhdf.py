@@ -11,7 +11,7 @@ import femimpact as fi
 from femimpact.files import GuardedFile
 from femimpact.vtk import write_deflection, write_modes
 
-pytestmark = pytest.mark.impacts
+pytestmark = [pytest.mark.impacts, pytest.mark.usefixtures("unreported")]
 
 
 @pytest.fixture(scope="module")
