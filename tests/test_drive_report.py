@@ -121,6 +121,7 @@ def test_a_blow_has_its_transfer_function_or_the_history_that_it_needs(tmp_path)
     assert "tip over force" in (tmp_path / "asked" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_study_is_warned_in_the_keys_of_its_file(tmp_path):
     results, text = ran(tmp_path, REST, HAMMER)
     notes = " ".join(results.summary["notes"])
@@ -137,6 +138,7 @@ def test_results_of_a_study_in_place_of_a_run_are_refused_in_a_short_line(hammer
             read_off(hammer[0], "tip")
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_blow_beside_a_ball_has_its_spectra_or_the_reason(tmp_path):
     ball = '[[impactor]]\nname = "ball"\nat = "tip"\nmass = 3e-3\ngap = 2e-3\n'
     ball += 'contact = { law = "kelvin-voigt", restitution = 0.78, contact_time = 2e-3 }\n'
