@@ -116,7 +116,7 @@ PEAKS = (
 def nlvib_oscillator() -> Iterator[Row]:
     """A mass with m = 1, c = 0.05, k = 1 under 0.02 cos(w t) before a spring of 100 behind 0.1: peaks over w."""
     system = _with_stop(1.0, 0.05, 1.0, _spring_at(0.1, 100.0))
-    branch = _settled_branch(system, Sine(0.02, 1.1 / math.tau), "frequency", (0.9 / math.tau, 1.7 / math.tau))
+    branch = _settled_branch(system, Sine(0.02, 1.1 / math.tau), "frequency", (1.09 / math.tau, 1.56 / math.tau))
     for omega, theirs, bound, open_by in PEAKS:
         # that of the last one is unstable
         (orbit,) = (each for each in branch.at(omega / math.tau) if each.is_stable is (omega != PEAKS[-1][0]))
@@ -131,7 +131,7 @@ def nlvib_two_masses() -> Iterator[Row]:
     points = {"first": [1.0, 0.0], "tip": [0.0, 1.0]}
     stops = [_spring_at(1.0, 100.0, "first")]
     system = reduce(System.from_matrices(np.eye(2), 0.03 * K, K, points=points, stops=stops), 2)
-    branch = _settled_branch(system, Sine(0.1, 0.635 / math.tau), "frequency", (0.6 / math.tau, 0.8 / math.tau))
+    branch = _settled_branch(system, Sine(0.1, 0.635 / math.tau), "frequency", (0.6 / math.tau, 0.755 / math.tau))
     largest = int(np.argmax(branch.first_harmonic))
     for place, theirs, orbit, stability in (
         ("w = 0.635", 0.0, branch.at(0.635 / math.tau)[0], "stable"),
@@ -140,12 +140,14 @@ def nlvib_two_masses() -> Iterator[Row]:
     ):
         outside = float(np.sum(np.abs(orbit.multipliers) > 1))
         yield f"multipliers outside the unit circle, {place}", "1", theirs, outside, 1e-3, f"they say {stability}"
-    doubled = math.tau * branch.values[largest]
-    for kind, low, high in (("Neimark-Sacker", 0.6, 0.635), ("period-doubling", 0.635, doubled)):
+    for kind, low, high, where in (
+        ("Neimark-Sacker", 0.6, 0.635, "w = 0.6 to 0.635"),
+        ("period-doubling", 0.635, math.tau * branch.values[largest], "w = 0.635 to the largest amplitude"),
+    ):
         crossed = [math.tau * each.value for each in branch.bifurcations if each.kind == kind.lower()]
         between = [omega for omega in crossed if low < omega < high]
-        reason = f"they say beyond one; ours is at {', '.join(f'{omega:.5f}' for omega in between)}"
-        yield f"{kind} bifurcations, w = {low:g} to {high:.2f}", "1", 1.0, float(len(between)), 1e-3, reason
+        reason = f"they say beyond one; ours is at w = {', '.join(f'{omega:.5f}' for omega in between)}"
+        yield f"{kind} bifurcations, {where}", "1", 1.0, float(len(between)), 1e-3, reason
     harmonic = max(float(orbit.steady("first").first_harmonic[0]) for orbit in branch.at(0.7541 / math.tau))
     reason = "21 harmonics change it by 1.0e-3, and where Octave's fsolve stops, by 4e-4"
     yield "first harmonic, mass before the spring, w = 0.7541", "m", 1.326954, harmonic, 1.5e-3, reason
@@ -208,8 +210,8 @@ def aster_shaken_mass() -> Iterator[Row]:
     ):
         about = f"position in space at {time:g} s"
         yield about, "m", theirs, _at(run, "tip", time) + base(time), bound, STEP
-        stepped = steps[round(time / 2.5e-4) - 1] + base(time)
-        yield f"{about}, with their step", "m", theirs, stepped, DIGITS, "6 digits"
+        stepped, digit = steps[round(time / 2.5e-4) - 1] + base(time), 10 ** (math.floor(math.log10(-theirs)) - 5)
+        yield f"{about}, with their step", "m", theirs, stepped, 0.5 * digit / -theirs, "6 digits"
 
 
 def aster_beam() -> Iterator[Row]:
@@ -238,8 +240,7 @@ def aster_beam() -> Iterator[Row]:
 def aster_nonlinear_mode() -> Iterator[Row]:
     """SDND122: 1 kg on 10 N/m, free, before a spring of 50 N/m behind 0.01 m, at an energy of 6.5 mJ.
 
-    1/f = (2/w0) acos(-g/a) + (2/w1) acos(sqrt(k/((k + K) 2 E/(k g^2) - K))), w0^2 = k/m, w1^2 = (k + K)/m,
-    a^2 = 2 E/k. They leave out the - K: the spring takes up no energy before the gap is closed.
+    Their closed form leaves out a term: the spring takes up no energy before the gap is closed.
     """
     k, spring, gap, energy = 10.0, 50.0, 0.01, 0.00650108331626
     times = _impacts(_with_stop(1.0, 0.0, k, _spring_at(gap, spring)), 400.0, velocity=math.sqrt(2 * energy)).time
@@ -256,7 +257,7 @@ def aster_nonlinear_mode() -> Iterator[Row]:
     yield "frequency, their harmonic balance", "Hz", 0.64669392749957, computed, 1e-4, between
 
 
-# ---- bars and masses that meet a rigid floor -----------------------------------------------------
+# ---- bars and masses that meet a rigid floor, and a rig --------------------------------------------
 
 
 def _bar(elements: int, element: float, lumped: float, axial: float, mass: float, gap: float, pull: float) -> System:
@@ -355,9 +356,6 @@ def bouncing_ball_map() -> Iterator[Row]:
     yield "amplitude at the fold", "m", at_fold, _nearest(branch, "fold", at_fold), 1e-10, LOCATED
     yield "amplitude at the period doubling, table moving", "m", unit_amplitude * moving, doubling, 1e-10, LOCATED
     yield "amplitude at the period doubling", "m", unit_amplitude * still, doubling, 5.5e-2, the_map
-
-
-# ---- a rig ---------------------------------------------------------------------------------------
 
 
 def rig_of_two_beams() -> Iterator[Row]:
