@@ -38,7 +38,7 @@ from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case
 from femimpact.validation.contacts import FREQUENCY, GRAVITY, bouncing
-from femimpact.validation.orbits import LOCATED
+from femimpact.validation.orbits import LOCATED, nearest_bifurcation
 
 INF = math.inf
 DIGITS = 0.0
@@ -80,11 +80,6 @@ def _settled_branch(system: System, force: Sine, parameter: str, to: tuple[float
     push = PointForce("tip", force)
     run = integrate(system, push, EventDriven(), 300 / force.frequency)
     return continue_orbit(find_orbit(system, push, guess=run), parameter, to)
-
-
-def _nearest(branch: Branch, kind: str, exact: float) -> float:
-    """The value of the bifurcation of a kind that is nearest to one."""
-    return min((each.value for each in branch.bifurcations if each.kind == kind), key=lambda value: abs(value - exact))
 
 
 def _at(run: Response, channel: str, time: float) -> float:
@@ -163,7 +158,7 @@ def coco() -> Iterator[Row]:
     impact, guess = branch.at(1.0)[0].impacts, "digits of their guess"
     yield "velocity after the impact", "m/s", -1.36, -float(impact.rebound_speed[0]), DIGITS, guess
     yield "phase at the impact", "rad", 0.076, float(impact.phase[0]) - math.pi / 2, DIGITS, guess
-    yield "amplitude at grazing, closed form", "N", 0.1, _nearest(branch, "grazing", 0.1), 1e-10, LOCATED
+    yield "amplitude at grazing, closed form", "N", 0.1, nearest_bifurcation(branch, "grazing", 0.1), 1e-10, LOCATED
 
 
 # ---- code_aster ----------------------------------------------------------------------------------
@@ -257,7 +252,7 @@ def aster_nonlinear_mode() -> Iterator[Row]:
     yield "frequency, their harmonic balance", "Hz", 0.64669392749957, computed, 1e-4, between
 
 
-# ---- bars and masses that meet a rigid floor, and a rig --------------------------------------------
+# ---- bars and masses that meet a rigid floor, and a rig ------------------------------------------
 
 
 def _bar(elements: int, element: float, lumped: float, axial: float, mass: float, gap: float, pull: float) -> System:
@@ -350,10 +345,10 @@ def bouncing_ball_map() -> Iterator[Row]:
     branch = continue_orbit(orbit, "amplitude", (0.9 * unit_amplitude, 1.8 * unit_amplitude))
     fold = math.pi * (1 - e) / (1 + e)
     still, moving = math.hypot(fold, 1.0), math.hypot(fold, 2 * (1 + e**2) / (1 + e) ** 2)
-    doubling = _nearest(branch, "period-doubling", unit_amplitude * moving)
+    doubling = nearest_bifurcation(branch, "period-doubling", unit_amplitude * moving)
     the_map = "the map takes the table for still: see the row where it moves"
     at_fold = unit_amplitude * fold
-    yield "amplitude at the fold", "m", at_fold, _nearest(branch, "fold", at_fold), 1e-10, LOCATED
+    yield "amplitude at the fold", "m", at_fold, nearest_bifurcation(branch, "fold", at_fold), 1e-10, LOCATED
     yield "amplitude at the period doubling, table moving", "m", unit_amplitude * moving, doubling, 1e-10, LOCATED
     yield "amplitude at the period doubling", "m", unit_amplitude * still, doubling, 5.5e-2, the_map
 
