@@ -748,6 +748,15 @@ def faults_of(key: str) -> Iterator[None]:
         raise InputError([dataclasses.replace(fault, key=key) for fault in error.faults]) from None
 
 
+@contextmanager
+def faults_under(prefix: str) -> Iterator[None]:
+    """Context in which faults have their keys below a table's path."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError([fault.under(prefix) for fault in error.faults]) from None
+
+
 def require_type(value: object, kind: type, key: str) -> None:
     """Raise `InputError` unless the value is of a kind; say so where an attribute of that name is, as of a study."""
     fits = isinstance(value, kind)

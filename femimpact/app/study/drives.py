@@ -13,6 +13,7 @@ from femimpact.errors import (
     Fault,
     InputError,
     checked,
+    faults_under,
     choice,
     level_rows,
     name_text,
@@ -274,10 +275,8 @@ def _part(number: int, values: dict[str, Any]) -> Any:
         raise InputError([Fault(f"parts.{number}.record", None, "", allowed)])
     if not isinstance(kind, str) or kind not in PARTS:
         raise InputError([kind_fault(f"parts.{number}.kind", kind, PARTS)])
-    try:
+    with faults_under(f"parts.{number}"):
         return PARTS[kind].made(values)
-    except InputError as error:
-        raise InputError([fault.under(f"parts.{number}") for fault in error.faults]) from None
 
 
 # ---- the kinds --------------------------------------------------------------------------------------

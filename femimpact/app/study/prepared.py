@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
-from femimpact.errors import InputError, require
+from femimpact.errors import InputError, faults_under, require
 from femimpact.excitation.excitation import Excitation
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
@@ -247,11 +247,9 @@ def _of_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]
 
 def _check_channels(study: Study, small: System) -> None:
     """Refuse a channel of the study that the system cannot read."""
-    try:
+    with faults_under("output"):
         for channel in resolve_channels(small, study.output.channels):
             channel.reading(small)
-    except InputError as error:
-        raise InputError([fault.under("output") for fault in error.faults]) from None
 
 
 def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:

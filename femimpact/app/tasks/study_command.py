@@ -26,7 +26,7 @@ from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.tasks.task import Plan, write_files
-from femimpact.errors import Fault, InputError, require
+from femimpact.errors import Fault, InputError, faults_under, require
 from femimpact.figures.study_labels import case_columns
 from femimpact.files import atomic_write
 from femimpact.integrators.cases import cores
@@ -77,17 +77,10 @@ def definition_of(study: Study) -> ParameterStudy:
     except InputError as error:
         raise InputError([_in_file(study, fault) for fault in error.faults]) from None
     if plan.best is not None:
-        _check_best(plan, cases)
+        known = {one.name: one.better for one in cases.chosen if not one.is_text}
+        with faults_under("study.best"):
+            check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
     return cases
-
-
-def _check_best(plan: Any, cases: ParameterStudy) -> None:
-    """Raise `InputError` where [study.best] does not fit the axes and measures of the study."""
-    known = {one.name: one.better for one in cases.chosen if not one.is_text}
-    try:
-        check_best(plan.best.measure, plan.best.worst_over, plan.best.limits, tuple(plan.axes), known)
-    except InputError as error:
-        raise InputError([fault.under("study.best") for fault in error.faults]) from None
 
 
 def _in_file(study: Study, fault: Fault) -> Fault:
