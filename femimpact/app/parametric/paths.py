@@ -195,12 +195,9 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
 
 def _under(place: Place, error: InputError) -> InputError:
     """The error of a noun with the path of the noun before its keys."""
-    return InputError([replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults])
-
-
-def _prefix(place: Place) -> str:
     # faults of a sum name the part
-    return "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
+    above = "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
+    return InputError([replace(fault, key=f"{above}{fault.key}") for fault in error.faults])
 
 
 def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
@@ -298,9 +295,10 @@ class CaseSystems:
             return self._kept(tuple((place, value) for place, value in values.items() if place.stage < Stage.METHOD))
 
     def _made(self, values: Values) -> System:
-        of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}
-        of_damping = {place: value for place, value in values.items() if place.stage == Stage.DAMPING}
-        of_balls = {place: value for place, value in values.items() if place.stage == Stage.BALL}
+        of_modes, of_damping, of_balls = (
+            {place: value for place, value in values.items() if place.stage == stage}
+            for stage in (Stage.MODES, Stage.DAMPING, Stage.BALL)
+        )
         if of_balls:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)
