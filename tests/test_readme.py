@@ -346,6 +346,15 @@ def targets(page):
     return {(ROOT / page.parent / link).resolve().relative_to(ROOT) for link in links}
 
 
+@pytest.mark.parametrize("words", ["a stop", "an animation", "a phase portrait", "a step response", "energy balance"])
+def test_what_a_lecture_shows_stands_beside_a_link_one_click_from_readme(words):
+    pages = [(ROOT / "docs" / page).read_text(encoding="utf-8") for page in ("howto/index.md", "index.md")]
+    assert Path("docs/howto/index.md") in targets(Path("README.md"))
+    for page in pages:
+        assert any("](" in line for line in page.splitlines() if words in line)
+    assert words.split()[-1] in (ROOT / "README.md").read_text(encoding="utf-8").partition("[More:")[2]
+
+
 def test_twelve_questions_are_answered_within_two_clicks():
     page = Path("docs/development/contributing.md")
     rows = re.findall(r"^\| [^|]+\? \| (\[.*) \|$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)

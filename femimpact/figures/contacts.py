@@ -149,7 +149,7 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
 @takes(speeds=quantity("m/s", above=0.0, several=True))
 def contact_laws(
     contacts: Sequence[tuple[str, ContactLaw, float]],
-    speeds: Sequence[float],
+    speeds: Sequence[float] = (0.05, 0.1, 0.2),
     figure: FigureBase | OffScreen | None = None,
 ) -> NDArray[np.object_]:
     """Force over penetration of every contact: one loop for each approach speed, whose area is the energy lost.
@@ -158,7 +158,7 @@ def contact_laws(
     ----------
     contacts : sequence of (name, ContactLaw, effective mass in kg)
     speeds : sequence of float, m/s
-        Ascending.
+        Of approach, ascending; by default of the size of those of a ball of some grams on a shaken beam.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
