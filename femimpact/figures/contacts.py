@@ -177,8 +177,8 @@ def contact_laws(
     rows = -(-len(named) // columns)
     axes = panels(figure, 7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3, rows, columns).ravel()
     caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
-    figure = axes[0].figure
-    break_lines(figure.suptitle(caption, fontsize=11.0, color=GREY), 0.95 * figure.bbox.width)
+    whole = axes[0].figure
+    break_lines(whole.suptitle(caption, fontsize=11.0, color=GREY), 0.95 * whole.bbox.width)
     for axis, (name, law, mass) in zip(axes, named, strict=False):
         _loops(axis, name, law, mass, np.atleast_1d(speeds).tolist())
     for axis in axes[len(named) :]:
