@@ -9,15 +9,35 @@ from collections.abc import Callable
 from typing import Any
 
 GONE = {
-    "solve_modes": "modes",
-    "integrate": "simulate",
+    "solve_modes": "modes natural_frequencies eigenfrequencies modal_analysis solve_eigen",
+    "integrate": "simulate run solve time_history solve_ivp",
+    "frequency_sweep": "frequency_response run_sweep",
     "parameter_study": "scan_restitution RestitutionScan",
+    "best_case": "optimise optimize minimise minimize",
+    "transfer_function": "frf",
+    "spectrum": "fft psd",
+    "load": "load_results read_results",
+    "read_record": "read_csv load_csv",
+    "Impactor": "Ball ball ImpactDamper Particle",
+    "Dashpot": "Damper",
+    "PointMass": "Mass",
+    "PointForce": "Force StepForce step_response",
+    "Sine": "Shaker Base",
+    "Segment": "Tube Rod Plate Section",
+    "figures": "plot plots figure draw",
+    "figures.energies": "energy energy_balance",
+    "figures.phase_portrait": "phase_plot phase_plane",
+    "figures.write_movie": "animate animation movie",
+    "figures.write_mode": "animate_mode animate_modes",
     "figures.study": "study_lines study_map study_maps study_scatter value_map restitution_scan",
     "figures.convergence": "mesh_convergence step_convergence",
     "convergence.ConvergenceTable": "MeshConvergence StepConvergence ModeConvergence",
     "vtk.to_pyvista": "to_pyvista",
 }
 """Names that are gone or looked for, by the path of what takes their place; those that moved are found by the stubs."""
+
+CLOSE = 0.7
+"""Likeness of two names, as `difflib` counts it, from which one may be meant by the other."""
 
 
 def modules_of(init: str) -> dict[str, str]:
@@ -65,7 +85,7 @@ def _way_on(package: str, name: str) -> str:
     paths |= {gone: path for path, names in GONE.items() for gone in names.split()}
     if name in paths:
         return f": it is fi.{paths[name]}"
-    near = difflib.get_close_matches(name, paths, 1)
+    near = difflib.get_close_matches(name, paths, 1, CLOSE)
     return f"; did you mean fi.{paths[near[0]]}?" if near else ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -251,3 +252,20 @@ def test_bad_input_is_one_line(changed: dict[str, Any], named: str) -> None:
         fi.calibrate(damped, **given)
     assert named in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("ratio", "warned"), [(0.003, True), (0.2, False)])
+def test_dwells_that_are_too_short_for_the_damping_are_warned_of(ratio: float, warned: bool) -> None:
+    beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    ball = fi.Impactor("ball", "tip", 3e-3, 4e-3, fi.Rigid(0.6))
+    structure = fi.Structure(beam, [], [ball], fi.Rayleigh(ratio=ratio, modes=(1, 2)))
+    system = fi.reduce(fi.assemble(structure, 6), 2)
+    more: dict[str, Any] = {"excitation": fi.Sine(2e-4, 15.0), "starts": 2, "cycles": 15}
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", fi.ResultWarning)
+        found = fi.calibrate(system, [14.0, 15.0], [1e-3, 1e-3], {"impactor.ball.gap": (2e-3, 6e-3)}, **more)
+    assert len(found.warnings) == warned
+    # ten cycles of the highest frequency go by before it measures
+    assert all(text.startswith("dwell of 0.667 s before measuring begins") for text in found.warnings)
+    assert [str(one.message).partition(" (docs")[0] for one in said] == list(found.warnings)
+    assert all(text in str(found) for text in found.warnings)

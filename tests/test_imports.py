@@ -19,6 +19,8 @@ SOUGHT = {
     "modes": "fi.solve_modes", "simulate": "fi.integrate", "write_movie": "fi.figures.write_movie",
     "to_pyvista": "fi.vtk.to_pyvista", "amplitude_spectrum": "fi.signals.amplitude_spectrum",
     "scan_restitution": "fi.parameter_study", "RestitutionScan": "fi.parameter_study",
+    "plot": "fi.figures", "natural_frequencies": "fi.solve_modes", "run": "fi.integrate", "Ball": "fi.Impactor",
+    "animate": "fi.figures.write_movie", "energies": "fi.figures.energies", "Force": "fi.PointForce",
 }  # fmt: skip
 """Names that are looked for below the package, and what they are."""
 
@@ -72,7 +74,7 @@ def test_a_name_that_moved_says_where_it_is_and_one_that_is_like_another_which()
     with pytest.raises(AttributeError, match=r"'assembel'; did you mean fi\.assemble\?$"):
         _ = femimpact.assembel
     # of nothing like it nothing is said, and libraries ask for names of their own
-    for name in ("xyzzy", "_repr_html_"):
+    for name in ("xyzzy", "_repr_html_", "Newton", "step"):
         with pytest.raises(AttributeError, match=f"no attribute '{name}'$"):
             getattr(femimpact.contact, name)
 

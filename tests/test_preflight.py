@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from builders import REFERENCE, ParameterPlan, cantilever, oscillator, paper_stu
 from scipy.integrate import quad
 
 import femimpact as fi
+from femimpact.app.demo import paper_study_text
+from femimpact.app.planned_test import lines_of_check
 from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.integrators.planned_drive import largest_motion, plan_notes, swept_envelope, swept_peak
 
@@ -634,3 +637,21 @@ def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
 )
 def test_a_row_is_written_in_the_unit_that_fits(row, words):
     assert str(row) == words
+
+
+RIGID = 'name = "moreau-jean"\ndt = 1e-4', 'law = "rigid", restitution = 0.78'
+COMPLIANT = 'law = "kelvin-voigt", restitution = 0.78, contact_time = 2e-3'
+
+
+@pytest.mark.parametrize(
+    ("method", "contact", "noted"),
+    [('name = "newmark"', COMPLIANT, False), ('name = "newmark"\ndt = 1.5e-4', COMPLIANT, True), (*RIGID, True)],
+)
+def test_modes_that_no_step_follows_stand_in_the_short_check_if_impacts_excite_them(tmp_path, method, contact, noted):
+    text = paper_study_text().replace(COMPLIANT, contact)
+    text = re.sub(r'^name = "newmark".*$', method, text, flags=re.MULTILINE)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    study = fi.load_study(tmp_path / "study.toml")
+    short, whole = (lines_of_check(study, every)[0] for every in (False, True))
+    assert sum("not resolved in time" in line for line in short) == noted
+    assert sum("not resolved in time" in line for line in whole) == 1

@@ -27,7 +27,7 @@ WRITTEN_BY_BUILD = {"api", "gallery"}
 LINKS = [
     (page, link)
     for page in PAGES
-    for link in sorted(set(re.findall(r"\]\(((?!http)[^)#]+)\)", (ROOT / page).read_text(encoding="utf-8"))))
+    for link in sorted(set(re.findall(r"\]\(((?!http)[^)]+)\)", (ROOT / page).read_text(encoding="utf-8"))))
     if not WRITTEN_BY_BUILD & set(Path(link).parts)
 ]
 
@@ -321,15 +321,38 @@ def test_every_picture_of_a_page_that_is_run_is_one_that_the_page_writes():
         assert shown == set(re.findall(r'save(?:fig|_figure)\([^\n]*"([^"]+\.png)"\)', text)), name
 
 
+def anchors(path):
+    """Anchors of the headings of a page, as hosts make them from the words, or the keys of references."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".bib":
+        return {*re.findall(r"^@\w+\{(\w+),", text, re.MULTILINE)}
+    headings = re.findall(
+        r"^#+ (.*)", re.sub(r"^ *```.*?^ *```", "", text, flags=re.MULTILINE | re.DOTALL), re.MULTILINE
+    )
+    return {re.sub(r"[^\w -]", "", one).lower().replace(" ", "-") for one in headings}
+
+
 @pytest.mark.parametrize(("page", "link"), LINKS)
 def test_links_lead_somewhere(page, link):
-    assert (ROOT / page.parent / link).exists()
+    name, _, anchor = link.partition("#")
+    path = ROOT / page.parent / name if name else ROOT / page
+    assert path.exists()
+    assert not anchor or anchor in anchors(path)
 
 
 def targets(page):
     """Pages that a page links to."""
     links = re.findall(r"\]\(((?!http)[^)#]+\.md)", (ROOT / page).read_text(encoding="utf-8"))
     return {(ROOT / page.parent / link).resolve().relative_to(ROOT) for link in links}
+
+
+@pytest.mark.parametrize("words", ["a stop", "an animation", "a phase portrait", "a step response", "energy balance"])
+def test_what_a_lecture_shows_stands_beside_a_link_one_click_from_readme(words):
+    pages = [(ROOT / "docs" / page).read_text(encoding="utf-8") for page in ("howto/index.md", "index.md")]
+    assert Path("docs/howto/index.md") in targets(Path("README.md"))
+    for page in pages:
+        assert any("](" in line for line in page.splitlines() if words in line)
+    assert words.split()[-1] in (ROOT / "README.md").read_text(encoding="utf-8").partition("[More:")[2]
 
 
 def test_twelve_questions_are_answered_within_two_clicks():
@@ -343,8 +366,7 @@ def test_twelve_questions_are_answered_within_two_clicks():
         for link, anchor in way:
             path = (ROOT / page.parent / link).resolve().relative_to(ROOT)
             assert path in targets(before)
-            headings = re.findall(r"^#+ (.*)", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
-            assert anchor in {"", *(re.sub(r"[^\w -]", "", one).lower().replace(" ", "-") for one in headings)}
+            assert anchor in {"", *anchors(ROOT / path)}
             before = path
 
 

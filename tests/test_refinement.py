@@ -113,6 +113,8 @@ worst_over = ["damping.ratio"]
             r"axes\.natural = \(5\.0, 4\.0\): must be \(low, high\)",
         ),
         ({"natural": [4.0, 5.0, 6.0]}, {}, r"axes\.natural"),
+        # two values of a list may be all that is meant
+        ({"natural": [4.0, 5.0], "base.frequency": [4.0]}, {}, r"must be \(low, high\), as a tuple: a list of values"),
         ({"base.frequency": [4.0, 5.0]}, {}, "no axis to choose on"),
         ({"natural": (4.0, 5.0)}, {"worst_over": ["base.amplitude"]}, "worst_over"),
         ({"natural": (4.0, 5.0), "base.amplitude": (1e-3, 2e-3)}, {}, r"axes\.base\.amplitude.*name it in worst_over"),

@@ -574,3 +574,16 @@ def test_a_beam_is_read_as_an_oscillator_is():
     assert found.units == exact.units == {"root.surface_stress": "Pa/(m/s^2)"}
     error = np.abs(found["root.surface_stress"] - exact["root.surface_stress"])
     assert error.max() < 1e-3 * np.abs(exact["root.surface_stress"]).max()
+
+
+@pytest.mark.parametrize(("duration", "longer"), [(5.0, True), (30.0, False)])
+def test_a_window_that_is_longer_than_the_run_is_not_named_without_a_longer_run(reference, duration, longer):
+    damped = replace(reference, damping=fi.Rayleigh(ratio=0.05, modes=(1, 2)))
+    base = fi.RandomBase([(2.0, 0.01), (20.0, 0.01)], duration=duration)
+    run = fi.integrate(
+        fi.reduce(fi.assemble(damped, 10), 2), base, fi.EventDriven(), duration, fi.Recorder(channels=("tip",))
+    )
+    (text,) = fi.spectrum(run, "tip").warnings
+    # a fifth of the width of 0.53 Hz takes windows of 9.4 s
+    assert "needs windows of 9.4" in text
+    assert ("and a run longer than its 5 s" in text) == longer

@@ -28,7 +28,7 @@ SITES = {
     ("app/tasks/starts.py", "_failures"): ["of the further starts failed"],
     ("sweep/curve.py", "_steadiness_warnings"): ["the motion never repeats",
                                                  "the two halves of the measured time differ"],
-    ("sweep/curve.py", "_dwell_warnings"): ["of the first mode's transient"],
+    ("sweep/curve.py", "dwell_warnings"): ["of the first mode's transient"],
     ("response/cycles.py", "resolution_warnings"): ["does not resolve the half-power width"],
     ("signals/one_pole.py", "half_power"): ["no half-power point"],
     ("signals/one_pole.py", "fit_one_pole"): ["no resonance within", "no interval: the misfit of",

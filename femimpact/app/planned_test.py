@@ -56,6 +56,7 @@ from femimpact.integrators.planned_drive import (
     transient_rows,
 )
 from femimpact.integrators.runs import integrate
+from femimpact.integrators.stepping.operators import STEPS_PER_CONTACT, UNRESOLVED
 from femimpact.response.cycles import LARGE, deflection_warnings
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure, unusual_numbers
@@ -235,6 +236,11 @@ def lines_of_check(study: Study, every: bool = False) -> tuple[list[str], list[s
     costs = [text for plan in (run, *plans) for text in plan.costs]
     within = len(numbers.rows) - len(rows)
     count = f"{within} more number{'s' * (within != 1)} within {'its limit' if within == 1 else 'their limits'}"
+    step, small = step_of(prepared.method), prepared.small
+    # impacts excite modes up to some two over the contact time; rigid ones, without a contact time, all
+    times = [one.parameters.contact_time for one in small.contacts]
+    excites = step is not None and any(not STEPS_PER_CONTACT * step <= 1.001 * each for each in times)
+    texts += [f"note: {text}" for text in run.notes if excites and text.endswith(UNRESOLVED)]
     lines = [*run.numbers, *costs, *texts, *(f"warning: {text}" for text in run.warnings)]
     return [*lines, f"{count}, and what the study gives: femimpact check {study.path.name} --all"], passed
 

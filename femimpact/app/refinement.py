@@ -80,8 +80,8 @@ def refine(
     measure : str
         Which of its values are better, `best_case` says.
     axes : mapping, optional
-        By paths: (low, high) of an axis that is searched, all values of one of `worst_over`. By default those of
-        `[study.axes]`, from the smallest to the largest value.
+        By paths: a tuple (low, high) of an axis that is searched, all values of one of `worst_over`. By default those
+        of `[study.axes]`, from the smallest to the largest value.
     worst_over : sequence of str, optional
         Paths of the axes over which the worst counts; by default those of `[study.best]`, or the frequency of the base,
         where it is an axis.
@@ -186,8 +186,9 @@ def _axes_of_study(study: Any, worst_over: Any) -> dict[str, Any]:
         values = list(cast(AxisValues, axis).values)
         if name not in over:
             require(all(in_range(one, quantity("")) for one in values), f"study.axes.{name}", values, "", allowed)
-            values = [min(values), max(values)]
-        axes[name] = values
+            axes[name] = min(values), max(values)
+        else:
+            axes[name] = values
     return axes
 
 
@@ -209,7 +210,9 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     """Lowest and highest value of an axis that is searched."""
     allowed = "is no choice of a design: name it in worst_over, or give its value with the study"
     require(not name.startswith(NO_DESIGN), f"axes.{name}", value, "", allowed)
-    return bounds_of_axis(f"axes.{name}", value, ": a list of values is that of an axis named in worst_over")
+    way = ", as a tuple: a list of values is that of an axis named in worst_over"
+    require(not isinstance(value, list), f"axes.{name}", value, "", f"must be (low, high){way}")
+    return bounds_of_axis(f"axes.{name}", value, way)
 
 
 def _sobol(count: int, axes: int, seed: int) -> Array:

@@ -19,6 +19,7 @@ from femimpact.figures.drawing import (
     LEGEND,
     WALLS,
     OffScreen,
+    break_lines,
     label_axes,
     legend_above,
     panel,
@@ -148,7 +149,7 @@ def collision_history(law: ContactLaw, effective_mass: float, approach_speed: fl
 @takes(speeds=quantity("m/s", above=0.0, several=True))
 def contact_laws(
     contacts: Sequence[tuple[str, ContactLaw, float]],
-    speeds: Sequence[float],
+    speeds: Sequence[float] = (0.05, 0.1, 0.2),
     figure: FigureBase | OffScreen | None = None,
 ) -> NDArray[np.object_]:
     """Force over penetration of every contact: one loop for each approach speed, whose area is the energy lost.
@@ -157,7 +158,7 @@ def contact_laws(
     ----------
     contacts : sequence of (name, ContactLaw, effective mass in kg)
     speeds : sequence of float, m/s
-        Ascending.
+        Of approach, ascending; by default of the size of those of a ball of some grams on a shaken beam.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
@@ -176,7 +177,8 @@ def contact_laws(
     rows = -(-len(named) // columns)
     axes = panels(figure, 7.2 if columns == 1 else 11.0, 4.4 * rows + 0.3, rows, columns).ravel()
     caption = "one collision; solid: loading, dashed: unloading, area between them: energy lost"
-    axes[0].figure.suptitle(caption, fontsize=11.0, color=GREY)
+    whole = axes[0].figure
+    break_lines(whole.suptitle(caption, fontsize=11.0, color=GREY), 0.95 * whole.bbox.width)
     for axis, (name, law, mass) in zip(axes, named, strict=False):
         _loops(axis, name, law, mass, np.atleast_1d(speeds).tolist())
     for axis in axes[len(named) :]:

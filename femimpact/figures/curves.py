@@ -186,7 +186,7 @@ def _annotate_peak(axis: Axes, curve: FrequencyResponse) -> None:
     words = f"{number_text(peak[1])} {unit} at {number_text(peak[0])} Hz"
     if curve.peak_is_transient:
         words += ",\na transient has not died out"
-    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], fontsize=LEGEND, **side)
+    axis.annotate(words, peak, textcoords="offset points", color=COLOURS[0], fontsize=LEGEND, va="top", **side)
 
 
 def _scale(curve: FrequencyResponse) -> tuple[float, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +61,8 @@ LEGEND = 10.0
 LETTER, HANDLE, GAP, ROW = 0.46, 4.0, 1.6, 1.55
 """Widths of a letter, of an entry besides its words, and of the space between columns (part of that), and the height of
 a row of a legend, by the size of its text."""
+BEYOND = 1.1
+"""Longest line of a title or of a label, over the axes before they are laid out, which makes them larger."""
 MOST_MARKS, PIXELS = 5000, 96
 """Marks, cells or points of a line beyond which they become an image in SVG, and pixels of an inch of it."""
 CLOSE = 0.02
@@ -233,9 +236,20 @@ def tick_texts(values: Array) -> list[str]:
 
 
 def label_axes(axis: Axes, x: str, y: str, title: str = "") -> None:
-    """Set the labels of both axes, and a title on the left."""
+    """Set the labels of both axes, and a title on the left, in lines that are hardly longer than the axes."""
     axis.set(xlabel=x, ylabel=y)
-    axis.set_title(title, loc="left")
+    box = axis.get_window_extent()
+    for text in (axis.set_title(title, loc="left"), axis.xaxis.label):
+        break_lines(text, BEYOND * box.width)
+    break_lines(axis.yaxis.label, BEYOND * box.height)
+
+
+def break_lines(text: Any, room: float) -> None:
+    """Break the words of a text of matplotlib so that no line is longer than so many pixels."""
+    longest, words = max(text.get_window_extent().size), text.get_text().splitlines()
+    if longest > room:
+        letters = max(int(max(map(len, words)) * room / longest), 1)
+        text.set_text("\n".join(textwrap.fill(line, letters, break_long_words=False) for line in words))
 
 
 def legend_above(

@@ -33,7 +33,6 @@ from femimpact.scene.scene import (
     EXAGGERATION,
     STOP,
     SUPPORT,
-    SWING,
     Body,
     Scene,
     build_scene,
@@ -156,7 +155,7 @@ def write_mode(
     require_modes_of(system.dofs, modes)
     require(mode <= count, "mode", mode, "", f"must be one of the {count} modes")
     length, scene, vector = structure.beam.length, build_scene(structure, system), modes.vectors[:, mode - 1]
-    height = SWING * length
+    height = MODE_SWING * length
     factor = height / np.abs(system.deflection_rows(np.concatenate(scene.stretches)) @ vector).max()
     balls = [float((system.deflection_rows([pair.position]) @ vector)[0]) for pair in system.balls]
     moved = scene.displacement(factor * (system.expansion @ vector), factor * np.array(balls))
@@ -259,6 +258,8 @@ CLOSE_UPS, SPACE = 0.64, 0.06
 BEAM_COLOUR, FLOOR = "#555b63", "#e3e8ee"
 LINE, EDGE = 2.0, 0.5
 """Widths (points) of connections, and of the edges of bodies: no wider, or a thin plate would look thick."""
+MODE_SWING = 0.18
+"""Share of the length by which a mode swings: with it the shape fills the sheet."""
 DRAWN = {
     SUPPORT: "black", CONNECTION: DARK, BODY: "#c3ced9", BOX: "#7b8a9a", BEAM: BEAM_COLOUR, STOP: DARK
 }  # fmt: skip

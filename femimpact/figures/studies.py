@@ -13,7 +13,9 @@ from femimpact.figures.drawing import (
     BLUE,
     DARK,
     GREEN,
+    STYLE,
     OffScreen,
+    label_axes,
     legend_above,
     panel,
     panels,
@@ -160,8 +162,7 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
     else:
         # each value of the study has a mark, and some have their numbers
         axis.set_xticks(x, minor=True)
-    axis.set(xlabel=label, ylabel=_measure_label(dataset, measure, unit))
-    axis.set_title(title, loc="left")
+    label_axes(axis, label, _measure_label(dataset, measure, unit), title)
     legend_above(axis, entries)
     return axis
 
@@ -196,7 +197,7 @@ def _map(dataset: xarray.Dataset, measure: str, norm: str | Normalize | None, ti
     factor, unit = _scale(dataset, measure, values)
     image = _cells(axis, dataset, measure, factor, _colours(norm, factor * values))
     _bar(image, axis, _measure_label(dataset, measure, unit))
-    axis.set_title(title, loc="left")
+    label_axes(axis, axis.get_xlabel(), axis.get_ylabel(), title)
     _map_legend(axis, dataset, measure)
     return axis
 
@@ -256,8 +257,7 @@ def _scatter(
         if words is not None:
             axis.set_xticks(x, words)
         axis.set_xlabel(label)
-    axes[0, 0].set_ylabel(_measure_label(dataset, measure, unit))
-    axes[0, 0].set_title(title, loc="left")
+    label_axes(axes[0, 0], axes[0, 0].get_xlabel(), _measure_label(dataset, measure, unit), title)
     return axes
 
 
@@ -301,11 +301,14 @@ def _measure_label(dataset: xarray.Dataset, measure: str, unit: str) -> str:
 
 def _bar(image: Any, axes: Any, label: str) -> None:
     """The bar of the colours of cells, beside axes."""
+    import matplotlib
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import ScalarFormatter
 
     ticks = "%g" if isinstance(image.norm, LogNorm) else ScalarFormatter(useOffset=False)
-    image.figure.colorbar(image, ax=axes, format=ticks).set_label(label)
+    # print of the size of that of the axes
+    with matplotlib.rc_context(STYLE):
+        label_axes(image.figure.colorbar(image, ax=axes, format=ticks).ax, "", label)
 
 
 def _label(words: str, unit: str, starts: int) -> str:

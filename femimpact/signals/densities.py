@@ -499,11 +499,11 @@ def width_warnings(response: Response, resolution: float, highest: float) -> tup
     narrow = int(np.argmin(width))
     least = float(width[narrow])
     bias = resolution_bias(least, resolution) if least > 0.0 else -1.0
-    wanted = (
-        f"resolution={number_text(least / RESOLVED, 2)} needs windows of {number_text(RESOLVED / least, 3)} s"
-        if least > 0.0
-        else "no damping"
-    )
+    wanted, span = "no damping", float(np.ptp(response.time))
+    if least > 0.0:
+        longer = f", and a run longer than its {number_text(span, 3)} s" if RESOLVED / least > span else ""
+        wanted = f"resolution={number_text(least / RESOLVED, 2)} needs windows of {number_text(RESOLVED / least, 3)} s"
+        wanted += longer
     return (
         f"lines {number_text(resolution, 3)} Hz apart are coarser than a fifth of the half-power width, "
         f"{number_text(least, 3)} Hz, of the mode at {frequency[seen][narrow]:.4g} Hz: its peak is "

@@ -332,7 +332,7 @@ def curve_of(
     """The curve of columns, with its warnings and notes."""
     f = cases.frequency
     values: dict[str, Any] = {name: read_only(column) for name, column in columns.items()}
-    warnings = warnings + _steadiness_warnings(system, cases, columns) + _dwell_warnings(system, cases)
+    warnings = warnings + _steadiness_warnings(system, cases, columns) + dwell_warnings(system, _shortest_begin(cases))
     warnings += _grid_warnings(system, f)
     curve = FrequencyResponse(
         frequency=read_only(f),
@@ -381,11 +381,13 @@ def _reach(f: Array) -> str:
     return " to ".join(dict.fromkeys((f"{f.min():.4g}", f"{f.max():.4g}"))) + " Hz"
 
 
-def _dwell_warnings(system: System, cases: SineCases) -> list[str]:
+def dwell_warnings(
+    system: System,
+    begin: float,  # s: since the start of the shortest dwell
+) -> list[str]:
     """A warning where much of the first mode's transient is left when measuring begins."""
     if system.rayleigh is None or first_elastic_frequency(system) == 0.0:
         return []
-    begin = _shortest_begin(cases)
     first, ratio, left = transient_left(system, begin)
     if left <= TRANSIENT_LEFT:
         return []

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.paths import bounds_of_axis
 from femimpact.app.parametric.verb import StudyProgress, parameter_study
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array
 from femimpact.errors import column, kind_of, quantity, require, takes, warns
 from femimpact.structure.structure import Position
+from femimpact.sweep.curve import dwell_warnings
 from femimpact.system.system import System
 from femimpact.units import unit_text
 
@@ -105,6 +107,8 @@ class Calibration:
         All cases of the grid, as `parameter_study` returns them.
     notes : tuple of str
         What limits the result.
+    warnings : tuple of str
+        Of dwells that measure what is left of the start.
     """
 
     parameters: tuple[CalibratedParameter, ...]
@@ -119,13 +123,14 @@ class Calibration:
     start_dependent: Array
     dataset: xarray.Dataset
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [str(one) for one in self.parameters]
         if len(lines) == 2:
             lines.append(f"correlation {self.correlation:.2f}")
         lines.append(f"misfit {self.misfit:.2f} of its expected size, {self.frequency.size} peaks")
-        return "\n".join(lines + list(self.notes))
+        return "\n".join([*lines, *self.notes, *self.warnings])
 
 
 @warns
@@ -223,7 +228,11 @@ def calibrate(
         excitation=excitation, method=method, at=at, version=version, directory=directory, client=client,
         threads=threads, progress=progress, **mesh,
     )  # fmt: skip
-    return calibration_of(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
+    found = calibration_of(dataset, list(bounds), frequencies, peaks, np.ravel(which), noise)
+    one = {name: values[:1] for name, values in axes.items()} | {FREQUENCY: unique[:1].tolist()}
+    plan = ParameterStudy(study, one, [PEAK], excitation=excitation, method=method, at=at, version=version, **mesh)
+    begin = (cycles - dataset.attrs["measured_cycles"]) / float(unique[-1])
+    return replace(found, warnings=tuple(dwell_warnings(plan.nominal, begin)))
 
 
 def calibration_of(

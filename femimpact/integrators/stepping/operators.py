@@ -182,13 +182,17 @@ def check_sampling(method: SteppingMethod, frequencies: NDArray[np.float64], key
     require(highest <= most, key, highest, "Hz", allowed)
 
 
+UNRESOLVED = "not resolved in time"
+"""End of a note on modes that a step does not follow."""
+
+
 def step_notes(method: SteppingMethod, system: System) -> tuple[str, ...]:
     """Notes on modes that the step does not follow: never an error, the scheme is stable for them."""
     if not system.is_diagonal:
         return ()
     omega, fastest = np.sqrt(system.K.diagonal() / system.M.diagonal()), 1.0 / (10.0 * method.dt)
     missed = int(np.count_nonzero(omega / (2.0 * math.pi) > fastest))
-    words = f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: not resolved in time"
+    words = f"{missed} of {omega.size} kept modes are faster than 1/(10 dt) = {fastest:.4g} Hz: {UNRESOLVED}"
     return (words,) if missed else ()
 
 
