@@ -606,3 +606,48 @@ def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed(high):
         orbits = fi.continue_orbit(fi.find_orbit(system, push, guess=start), "stop.wall.gap", (1.5e-5, high)).orbits
         for orbit in orbits:
             assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
+
+
+def test_where_no_ball_meets_the_beam_a_branch_has_the_displacement_of_the_ball():
+    # a ball on a vibrating table: fold and doubling have closed forms (Holmes, 1982)
+    e, frequency = 0.5, 20.0
+    beam = fi.Beam.uniform(length=0.1, width=0.05, thickness=0.02, young_modulus=210e9, density=7850)
+    ball = fi.Impactor("ball", at="root", mass=5e-3, gap=(1.0, 0.0), contact=fi.Rigid(e))
+    structure = fi.Structure(beam, impactors=[ball], damping=fi.Rayleigh(0.05, modes=(1, 2)), gravity=-9.81)
+    table = fi.reduce(fi.assemble(structure, elements=4), modes=1)
+    # the impact is where the upward speed of the table is w A cos(phase) = g T (1 - e)/(2 (1 + e))
+    ratio, gravity = (1 - e) / (1 + e), 9.81 / (2 * np.pi * frequency) ** 2
+    amplitude = 0.8e-3
+    phase = math.acos(math.pi * ratio * gravity / amplitude)
+    speed = 9.81 / (2 * frequency) * (1 - ratio)
+    start = fi.State(ball_displacement=[0.0], ball_velocity=[speed])
+    orbit = fi.find_orbit(table, fi.Sine(amplitude, frequency, phase), guess=start)
+    branch = fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3))
+    assert branch.place == "ball"
+    kinds = {each.kind: each.value for each in branch.bifurcations}
+    doubling = math.hypot(math.pi * ratio, 2 * (1 + e * e) / (1 + e) ** 2) * gravity
+    assert kinds == pytest.approx({"fold": math.pi * ratio * gravity, "period-doubling": doubling}, rel=1e-6)
+    both = branch.at(amplitude)
+    assert sorted(one.is_stable for one in both) == [False, True]
+    low, high = sorted(float(one.steady("ball").peak[0]) for one in both)
+    assert high > 1.5 * low
+    order = np.argsort(branch.values)
+    stable = order[branch.is_stable[order]]
+    found = np.interp(amplitude, branch.values[stable], branch.peak[stable])
+    assert found == pytest.approx(high, rel=1e-3)
+    # the table moves by its drive alone
+    tip = fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3), of="tip")
+    assert tip.place == "tip"
+    assert tip.peak.max() < 1e-6
+    with pytest.raises(fi.InputError, match=r"of = 'table': unknown"):
+        fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3), of="table")
+    assert "largest displacement of ball (mm)" in fi.figures.branch(branch).get_ylabel()
+
+
+def test_a_ball_that_meets_the_beam_leaves_the_tip_as_what_a_branch_has(beam):
+    orbit = settled(beam, 5.027)
+    of_tip, of_ball = (fi.continue_orbit(orbit, "frequency", (5.0, 5.05), of=of) for of in (None, "ball"))
+    assert (of_tip.place, of_ball.place) == ("tip", "ball")
+    for branch in (of_tip, of_ball):
+        i = len(branch) // 2
+        assert branch.peak[i] == pytest.approx(branch.orbits[i].steady(branch.place).peak[0], rel=1e-9)

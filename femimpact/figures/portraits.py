@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import instance, items, optional, quantity, require, suggestion, takes
+from femimpact.errors import checked, column, instance, items, optional, quantity, require, suggestion, takes
+from femimpact.excitation.drives import is_force
+from femimpact.excitation.excitation import LineLoad
 from femimpact.figures.drawing import (
     BLUE,
     CYCLES,
@@ -395,26 +397,31 @@ def bifurcation(
     channel: str | float | None = None,
     phase: float = 0.0,
     ax: Axes | OffScreen | None = None,
+    *,
+    over: tuple[str, ArrayLike] | None = None,
 ) -> Axes:
-    """A channel once per base cycle over the base frequency, in the last third of each run.
+    """A channel once per base cycle over a number that differs between runs, in the last third of each run.
 
-    A motion of period k of the base leaves k points at its frequency, a chaotic one a cloud.
+    A motion of period k of the base leaves k points at its number, a chaotic one a cloud.
 
     Parameters
     ----------
     responses : sequence of Response
-        One for each frequency.
+        One for each value of the number.
     channel : str or float, optional
         The first one recorded by default.
     phase : float, rad
         Of the base; see `Response.stroboscopic`.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
+    over : pair of str and array_like (n,), optional
+        Words of the axis and the value of each run, as ("damping ratio (%)", [0.1, 0.2]). By default the first number
+        that differs of the drive's frequency and amplitude and of each ball's or stop's gap, restitution and mass.
 
     Raises
     ------
     InputError
-        If there is no run, or one holds no history of the channel.
+        If there is no run, if one holds no history of the channel, or if none of these numbers differs.
     """
     require(len(responses) > 0, "responses", "none", "", "must be one or more runs")
     for response in responses:
@@ -422,10 +429,45 @@ def bifurcation(
     name = channel_name(responses[0], channel)
     sections = [response.stroboscopic(phase) for response in responses]
     last = [s[name][s.time >= r.window[0]] for s, r in zip(sections, responses, strict=True)]
-    frequency = np.repeat([r.base.frequency for r in responses], [values.size for values in last])
+    words, numbers = _varied(responses, over)
+    across = np.repeat(numbers, [values.size for values in last])
     values, unit = scaled(np.concatenate(last), responses[0].units[name])
     axis = panel(ax, 8.0, 5.0)
-    axis.plot(frequency, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
+    axis.plot(across, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
     title = f"last third of each run, base at {math.degrees(phase):.4g} degrees"
-    label_axes(axis, "base frequency (Hz)", f"{name.replace('_', ' ')} once per cycle ({unit})", title)
+    label_axes(axis, words, f"{name.replace('_', ' ')} once per cycle ({unit})", title)
     return axis
+
+
+def _varied(responses: Sequence[Response], over: Any) -> tuple[str, Array]:
+    """Words and values of the first number that differs between runs, or of one that is given; of one run the first."""
+    if over is not None:
+        pair = isinstance(over, (tuple, list)) and len(over) == 2 and isinstance(over[0], str)
+        require(pair, "over", over, "", 'must be words and the value of each run: ("damping ratio (%)", [0.1, 0.2])')
+        given: Array = checked("over[1]", over[1], column("", "runs", finite=True))
+        allowed = f"must be as many as there are runs, {len(responses)}"
+        require(given.size == len(responses), "over[1]", given.size, "values", allowed)
+        return over[0], given
+    numbers = [_numbers(response) for response in responses]
+    columns = {words: np.array([each.get(words) for each in numbers], dtype=float) for words in numbers[0]}
+    differ = [words for words, values in columns.items() if np.all(np.isfinite(values)) and np.ptp(values) > 0.0]
+    allowed = "must be words and the value of each run: no frequency, amplitude, gap, restitution or mass differs"
+    require(bool(differ) or len(responses) == 1, "over", "none", "", allowed)
+    words = [*differ, *columns][0]
+    return words, columns[words]
+
+
+def _numbers(response: Response) -> dict[str, Any]:
+    """Numbers of a run that may differ from those of another, by their words for an axis."""
+    drive = response.base
+    words, level = "amplitude of the base (mm)", 1e3 * drive.amplitude
+    if is_force(drive):
+        words = "factor on the force" if isinstance(drive.at, LineLoad) else "amplitude of the force (N)"
+        level = drive.history.amplitude
+    numbers: dict[str, Any] = {"base frequency (Hz)": drive.frequency, words: level}
+    for pair in response.system.contacts:
+        for gap, side in zip(pair.gaps, ("", ", - side"), strict=True):
+            numbers[f"gap of {pair.name}{side} (mm)"] = 1e3 * gap
+        numbers[f"restitution of {pair.name}"] = getattr(pair.law, "restitution", None)
+        numbers[f"mass of {pair.name} (g)"] = 1e3 * pair.mass
+    return numbers

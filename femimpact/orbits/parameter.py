@@ -53,12 +53,13 @@ class Parameter:
     hybrid_at: Callable[[Any], HybridSystem]  # of a real or a complex value
     at: Callable[[float], tuple[System, Sine | PointForce]]
     of_matrices: bool = False  # whether masses or damping differ at other values
+    place: str = ""  # whose largest displacement is kept
 
 
-def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Parameter:
-    """The parameter of a path.
+def parameter_of(system: System, excitation: Sine | PointForce, path: Any, of: Any = None) -> Parameter:
+    """The parameter of a path, and the place or ball whose largest displacement is kept.
 
-    Raises `InputError` if the system has no such number, or it is none that a branch follows.
+    Raises `InputError` if the system has no such number, place or ball, or the number is none that a branch follows.
     """
     require_type(path, str, "parameter")
     hybrid = hybrid_system(system, excitation)
@@ -66,7 +67,16 @@ def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Pa
     found = known.get(SHORT.get(path, path))
     require(found is not None, "parameter", path, "", "" if found else _refusal(system, path, [*known, *SHORT]))
     assert found is not None
-    return found
+    places = [*system.points, *(pair.name for pair in system.balls)]
+    require(of is None or of in places, "of", of, "", suggestion(str(of), places))
+    return replace(found, place=observed(system) if of is None else of)
+
+
+def observed(system: System) -> str:
+    """The default place, or the first ball where no contact meets the beam, which then moves as without balls."""
+    walls = [pair for pair in system.contacts if pair.has_walls]
+    free = not walls or any(pair.is_stop or np.any(pair.direction) for pair in walls)
+    return system.default_place if free else walls[0].name
 
 
 def _refusal(system: System, path: str, known: list[str]) -> str:

@@ -66,7 +66,7 @@ class OwnRun:
     log: EventLog
     phases: Array  # rad: of the drive at the events of the log
     missed: float  # by which it misses its start, in units; infinite where its events did not end
-    # m: largest displacement of the default place, and its component at the frequency of the excitation
+    # m: largest displacement of the place, and its component at the frequency of the excitation
     peak: float
     first_harmonic: float
     impacts: Impacts | None  # that begin within the period, if they were asked for
@@ -287,6 +287,7 @@ def own_runs(
     excitation: Sine | PointForce,  # of one of them
     solutions: Sequence[Solution],  # of the same events
     most_impacts: int = 0,  # of one alone: what is kept of them
+    place: str | None = None,  # whose peak is found; the default place where it is None
 ) -> list[OwnRun]:
     """Runs over one period of some orbits in one compiled call, each from where nothing is in contact, if it ever is.
 
@@ -299,7 +300,7 @@ def own_runs(
     starts, phase, first = zip(*(one.motion.start() for one in solutions), strict=True)
     state, d = np.array(starts), hybrids[0].mass.size
     drives = [drive_of(each, excitation) for each in systems]
-    store = FormStore(systems, drives, [_outputs(systems[0], d)] * len(systems))
+    store = FormStore(systems, drives, [_outputs(systems[0], d, place)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -354,14 +355,18 @@ def own_runs(
     return list(map(OwnRun, [each.events for each in solutions], first, logs, at_events, *read))
 
 
-def _outputs(system: System, d: int) -> Outputs:
-    """The default place, whose peak is found, then all coordinates and their rates."""
-    place, pairs = outputs_of(system, system.point_row(system.default_place)), len(system.contacts)
+def _outputs(system: System, d: int, place: str | None) -> Outputs:
+    """The place or ball, whose peak is found, then all coordinates and their rates."""
+    balls = [pair.name for pair in system.balls]
+    observed = np.zeros(system.dofs) if place in balls else system.point_row(place or system.default_place)
+    first, pairs = outputs_of(system, observed), len(system.contacts)
+    if place in balls:
+        first.position[0, system.dofs + balls.index(place)] = 1.0
     nothing, each = np.zeros((d, d)), np.eye(d)
     return Outputs(
-        np.concatenate([place.position, each, nothing]),
-        np.concatenate([place.rate, nothing, each]),
+        np.concatenate([first.position, each, nothing]),
+        np.concatenate([first.rate, nothing, each]),
         np.zeros((1 + 2 * d, pairs)),
-        np.zeros((place.drive.shape[0], 1 + 2 * d)),
+        np.zeros((first.drive.shape[0], 1 + 2 * d)),
         np.zeros(1 + 2 * d),
     )
