@@ -49,9 +49,9 @@ POINTS = 1024
 
 def corners_of(
     response: Response,
-    pair: str,  # name of the ball
+    pair: str,  # name of the ball or the stop
 ) -> Corners:
-    """Instants (s) at which a ball touches a wall of its box; its place there (m), its rate (m/s) before and after.
+    """Instants (s) at which a ball or the beam touches a wall; its place there (m), its rate (m/s) before and after.
 
     The table of impacts holds both speeds. After the touch of a compliant contact the rate is as before it; how deep
     the ball is when that contact ends is not in the table.
@@ -289,12 +289,16 @@ def phase_portrait(
     require_history(response)
     pair, names, minus = _drawn_channels(response, None if of is None else channel_key(of, "of"))
     start, window = last_cycles(response, cycles)
-    x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
+    stops = [] if pair is not None else _stops_at(response, names[0])
+    met = pair or next(iter(stops), None)
+    x, rate = _curve(response, start, names, minus, None if met is None else met.name)
     drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x, rate, color=BLUE, linewidth=0.7)
-    if pair is None:
-        _stops(axis, response, names[0])
+    for stop in stops:
+        for wall in (1e3 * stop.gaps[0], -1e3 * stop.gaps[1]):
+            if math.isfinite(wall):
+                axis.axvline(wall, color="black", linewidth=1.4, label=stop.name)
     if drawn is not None:
         section = response.stroboscopic(drawn)
         once = section.time >= start
@@ -351,7 +355,7 @@ def _pair(
 
 
 def _curve(
-    response: Response, start: float, names: tuple[str, ...], minus: tuple[str, ...], ball: str | None
+    response: Response, start: float, names: tuple[str, ...], minus: tuple[str, ...], met: str | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The history from a time (s) on in mm and mm/s, drawn as often as a smooth curve takes."""
     x, rate = _pair(response.channels, names, minus)
@@ -362,8 +366,8 @@ def _curve(
     if not known:
         return x[last], rate[last]
     corners = None
-    if ball is not None:
-        at, *others = corners_of(response, ball)
+    if met is not None:
+        at, *others = corners_of(response, met)
         place, before, after = (1e3 * values for values in others)
         corners = (at, place, before, after)
     samples = (time.size - 1) / ((time[-1] - time[0]) * response.base.frequency)
@@ -382,13 +386,10 @@ def _walls(axis: Any, pair: Any, x: NDArray[np.float64]) -> None:
     axis.set_xlim(low, high)
 
 
-def _stops(axis: Any, response: Response, place: str) -> None:
+def _stops_at(response: Response, place: str) -> list[Any]:
     """Stops that move with the base at a place."""
-    for pair in response.system.contacts:
-        if pair.is_stop and pair.fixed_to == "base" and place_of(response, pair) == place:
-            for wall in (1e3 * pair.gaps[0], -1e3 * pair.gaps[1]):
-                if math.isfinite(wall):
-                    axis.axvline(wall, color="black", linewidth=1.4, label=pair.name)
+    stops = [pair for pair in response.system.contacts if pair.is_stop and pair.fixed_to == "base"]
+    return [pair for pair in stops if place_of(response, pair) == place]
 
 
 @takes(responses=items(Response), phase=quantity("rad"))
