@@ -709,7 +709,7 @@ def test_figures_over_frequency_have_the_axes_of_the_trade():
     found = fi.spectrum(run)
     axis = fi.figures.spectrum(found, ax=off)
     assert (axis.get_xscale(), axis.get_yscale()) == ("log", "log")
-    assert axis.get_ylabel() == "spectral density of tip.absolute acceleration, g²/Hz"
+    assert axis.get_ylabel() == "spectral density of tip absolute acceleration, g²/Hz"
     # a straight density of 0.5 (m/s^2)^2/Hz of the base is that over 9.80665^2
     np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), found.values[1:] / 9.80665**2)
     exact = fi.transfer_function(system, [1.0, 2.0, 10.0])

@@ -25,6 +25,7 @@ from femimpact.figures.drawing import (
     plain_log_ticks,
     rows_of,
 )
+from femimpact.figures.study_labels import name_words
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse, on_grid
 from femimpact.units import number_text, prefixed
@@ -206,7 +207,7 @@ def _observed(curve: FrequencyResponse) -> str:
     """Name and unit of what a curve is of."""
     place, unit = curve.at, _scale(curve)[1]
     if isinstance(place, str) and (curve.unit != "m" or "." in place):
-        return f"{place.replace('.', ' ').replace('_', ' ')} ({unit})"
+        return f"{name_words(place)} ({unit})"
     place = place if isinstance(place, str) else f"{1e3 * place:.4g} mm from the root,"
     return f"{place} displacement relative to the base ({unit})"
 

@@ -31,6 +31,7 @@ from femimpact.figures.drawing import (
     require_history,
     scaled,
 )
+from femimpact.figures.study_labels import name_words
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.units import prefixed
@@ -436,7 +437,7 @@ def bifurcation(
     axis = panel(ax, 8.0, 5.0)
     axis.plot(across, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
     title = f"last third of each run, base at {math.degrees(phase):.4g} degrees"
-    label_axes(axis, words, f"{name.replace('_', ' ')} once per cycle ({unit})", title)
+    label_axes(axis, words, f"{name_words(name)} once per cycle ({unit})", title)
     return axis
 
 

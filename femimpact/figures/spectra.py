@@ -24,6 +24,7 @@ from femimpact.figures.drawing import (
     plain_log_ticks,
     require_history,
 )
+from femimpact.figures.study_labels import name_words
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.signals.densities import Spectrum
@@ -99,7 +100,7 @@ def spectrum(
         axis.set(yscale="log", ylim=(max(0.5 * float(low.min()), DECADES * float(high.max())), None))
     plain_log_ticks(axis.xaxis)
     title = f"lines {number_text(psd.resolution, 3)} Hz apart, Hann windows, band: {100 * psd.confidence:g} % interval"
-    label = f"spectral density of {psd.channel.replace('_', ' ')}, {psd.unit.replace('^2', '²')}"
+    label = f"spectral density of {name_words(psd.channel)}, {psd.unit.replace('^2', '²')}"
     label_axes(axis, "frequency (Hz)", label, title)
     legend_above(axis)
     return axis
@@ -123,7 +124,7 @@ def _amplitudes(axis: Axes, lines: Spectrum, base: Any, highest: float | None) -
         # of a channel at rest there is no logarithm
         axis.set(yscale="log", ylim=(factor * max(float(values.max()) * DECADES, float(values.min())), None))
     axis.set_xlim(0.0, top)
-    label_axes(axis, "frequency (Hz)", f"amplitude of {lines.channel.replace('_', ' ')} ({unit})", title)
+    label_axes(axis, "frequency (Hz)", f"amplitude of {name_words(lines.channel)} ({unit})", title)
     legend_above(axis)
     return axis
 

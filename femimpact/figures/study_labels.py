@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -60,10 +61,16 @@ def axis_names(dataset: xarray.Dataset) -> list[str]:
     return [name for name in names if name not in sides]
 
 
+def name_words(name: str) -> str:
+    """Words for the name of a channel or a measure, as "root surface stress" for root.surface_stress."""
+    return re.sub(r"\.(?=[a-z])", " ", name).replace("_", " ")
+
+
 def path_words(path: str) -> str:
     """Words for a number of a study by its path, as "gap of ball" for impactor.ball.gap."""
     owner, _, rest = path.partition(".")
     part, _, name = rest.replace("contact.", "").rpartition(".")
+    name = "place" if name == "at" else name
     whose = part if owner in ("impactor", "absorber", "stop") else f"{owner} {part}".strip().replace(".", " ")
     return (f"{name} of {whose}" if rest else path).replace("_", " ")
 

@@ -30,7 +30,7 @@ from femimpact.figures.portraits import ContactRow, phase_portrait
 from femimpact.figures.study_labels import path_words
 from femimpact.orbits.branch import Branch
 from femimpact.orbits.orbit import PeriodicOrbit, period_of
-from femimpact.units import prefixed
+from femimpact.units import counted, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -190,15 +190,11 @@ def orbit(
     row = ContactRow(response, pair)
     row.draw(over_time, response.time >= 0.0, close=True)
     over_time.set(xlabel="time (s)", ylabel=f"relative to the base ({row.unit})")
-    frequency, modes = f"{orbit.excitation.frequency:.6g} Hz", _count(system.dofs, "mode")
-    over_time.set_title(f"{_count(orbit.cycles, 'cycle')} at {frequency}, {modes}", loc="left")
+    frequency, modes = f"{orbit.excitation.frequency:.6g} Hz", counted(system.dofs, "mode")
+    over_time.set_title(f"{counted(orbit.cycles, 'cycle')} at {frequency}, {modes}", loc="left")
     legend_above(over_time)
     _multipliers(orbit, plane)
     return np.array([[portrait, over_time, plane]])
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _multipliers(orbit: PeriodicOrbit, axis: Any) -> None:
