@@ -8,6 +8,9 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 
+import femimpact as fi
+from femimpact.app.study.study_file import study_schema
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -21,6 +24,12 @@ def loaded(path):
 
 def test_pages_have_the_tables_of_their_files():
     assert loaded(ROOT / "docs" / "make_tables.py").main(check=True) == []
+
+
+def test_the_schema_is_the_same_whether_or_not_a_docstring_was_read():
+    assert fi.PointMass.__doc__.count("Must be") > 2
+    body = study_schema()
+    assert "Must be" not in str(body["properties"]["mass"])
 
 
 def test_the_reference_has_every_key_and_every_command_as_plain_markdown():

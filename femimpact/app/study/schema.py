@@ -138,7 +138,8 @@ _COLUMNS = {
 
 def _meanings(noun: Any) -> dict[str, str]:
     """Meaning of each field, from the Parameters section of a noun's docstring."""
-    text = inspect.getdoc(noun) or ""
+    # without the ranges that are in the docstring once the package has shown it: the schema has them beside it
+    text = inspect.cleandoc(getattr(vars(noun).get("__doc__"), "words", noun.__doc__) or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
     found: dict[str, str] = {}
     for names, words in re.findall(
