@@ -387,6 +387,11 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'s' * (number != 1)}"
 
 
+def name_words(name: str) -> str:
+    """Words for the name of a channel or a measure, as "root surface stress" for root.surface_stress."""
+    return re.sub(r"\.(?=[a-z])", " ", name).replace("_", " ")
+
+
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = SHOWN_IN.get(unit, (1.0, unit))

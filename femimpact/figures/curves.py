@@ -25,10 +25,9 @@ from femimpact.figures.drawing import (
     plain_log_ticks,
     rows_of,
 )
-from femimpact.figures.study_labels import name_words
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse, on_grid
-from femimpact.units import number_text, prefixed
+from femimpact.units import name_words, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

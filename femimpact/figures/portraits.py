@@ -31,10 +31,9 @@ from femimpact.figures.drawing import (
     require_history,
     scaled,
 )
-from femimpact.figures.study_labels import name_words
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
-from femimpact.units import prefixed
+from femimpact.units import name_words, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,6 @@ from femimpact.figures.drawing import (
     plain_log_ticks,
     require_history,
 )
-from femimpact.figures.study_labels import name_words
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
 from femimpact.signals.densities import Spectrum
@@ -32,7 +31,7 @@ from femimpact.signals.densities import spectrum as spectrum_of
 from femimpact.signals.shock_response import ShockResponseSpectrum
 from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Position
-from femimpact.units import GRAVITY, number_text, prefixed
+from femimpact.units import GRAVITY, name_words, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -59,11 +58,6 @@ def axis_names(dataset: xarray.Dataset) -> list[str]:
     names = [str(name) for name in dataset.coords if name != "case"]
     sides = {f"{name}.{side}" for name in names for side in ("plus", "minus")}
     return [name for name in names if name not in sides]
-
-
-def name_words(name: str) -> str:
-    """Words for the name of a channel or a measure, as "root surface stress" for root.surface_stress."""
-    return re.sub(r"\.(?=[a-z])", " ", name).replace("_", " ")
 
 
 def path_words(path: str) -> str:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.figures.study_labels import STATISTICS, BestMarks, axis_words, name_words
-from femimpact.units import number_text, unit_text, value_text
+from femimpact.figures.study_labels import STATISTICS, BestMarks, axis_words
+from femimpact.units import name_words, number_text, unit_text, value_text
 
 if TYPE_CHECKING:
     import xarray

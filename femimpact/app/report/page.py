@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.markup import Child, Element, element, markup
-from femimpact.figures.study_labels import name_words
 from femimpact.files import atomic_write
 from femimpact.sweep.curve import ONE_START
-from femimpact.units import MINUS, NO_NUMBER, typeset_number
+from femimpact.units import MINUS, NO_NUMBER, name_words, typeset_number
 
 MOST_ROWS = 200
 """Rows of a table that a report shows."""

@@ -23,19 +23,13 @@ from femimpact.app.study.findings import (
     Spread,
     history_words,
 )
-from femimpact.figures.study_labels import (
-    axis_names,
-    axis_words,
-    measure_names,
-    name_words,
-    single_samples,
-    value_words,
-)
+from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.orbits.figures import MARKS, kind_words
 from femimpact.units import (
     SHOWN_IN,
     counted,
     interval_texts,
+    name_words,
     number_text,
     prefixed,
     quantity_text,

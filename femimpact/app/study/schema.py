@@ -183,7 +183,8 @@ KIND_WORDS = "the kind of motion or force"
 
 OF_HISTORY = {
     "duration": "Duration of the simulated history; absent, that of the motion, of a sum its longest.",
-    "start": "At rest relative to the base, at rest in the inertial frame, or in the static state.",
+    "start": "At rest relative to the base, at rest in the inertial frame, or in the static state; a ball elsewhere by "
+    "the axes start.NAME.position and start.NAME.speed of [study].",
     "at": "Named place, or metres from the root.",
     "density": "Force per length along the beam, in place of at; the level is then a factor, 1 by default.",
     "name": 'Without a dot; by default "force 1", "force 2" and so on in their order.',
