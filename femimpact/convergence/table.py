@@ -203,9 +203,10 @@ def table_lines(table: ConvergenceTable) -> list[str]:
     width = max([NAME, *(len(str(name)) + 1 for name in table.name)])
     failures = zip(table.label, table.failure, strict=True)
     reasons = [_wrapped(f"{label}: {reason}") for label, reason in failures if reason]
+    notes = [_wrapped(f"- {note}") for note in table.notes]
     return [
         *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *itertools.chain(*reasons), "",
-        *_orders(table, width), *note_lines(table.notes),
+        *_orders(table, width), *itertools.chain(*notes),
     ]  # fmt: skip
 
 
@@ -221,11 +222,6 @@ def row_line(name: str, cells: Iterable[str], width: int = NAME) -> str:
 def cell(value: Any, form: str = ".1e") -> str:
     """A number; a dash where there is none."""
     return "-" if math.isnan(value) else format(value, form)
-
-
-def note_lines(notes: Iterable[str]) -> list[str]:
-    """Notes, each from a dash on."""
-    return [line for note in notes for line in _wrapped(f"- {note}")]
 
 
 def _errors(table: ConvergenceTable, width: int) -> list[str]:

@@ -460,7 +460,7 @@ def _varied(responses: Sequence[Response], over: Any) -> tuple[str, Array]:
 
 def _numbers(response: Response) -> dict[str, Any]:
     """Numbers of a run that may differ from those of another, by their words for an axis."""
-    drive = response.base
+    drive: Any = response.base
     words, level = "amplitude of the base (mm)", 1e3 * drive.amplitude
     if is_force(drive):
         words = "factor on the force" if isinstance(drive.at, LineLoad) else "amplitude of the force (N)"

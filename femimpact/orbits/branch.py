@@ -122,7 +122,7 @@ class Branch:
     multipliers : ndarray (points, 2(n+balls)), 1
         Of each orbit, as of `PeriodicOrbit`.
     peak : ndarray (points,), m
-        Largest displacement of the place, relative to the base.
+        Largest displacement of the place, relative to the base where its name says nothing else.
     first_harmonic : ndarray (points,), m
         Its component at the frequency of the excitation, a sum over 512 samples in the period of an orbit and at least
         64 in a cycle: exact to some 1e-5 of the peak, 1e-4 with 64.
@@ -133,7 +133,7 @@ class Branch:
     bifurcation_points : ndarray (bifurcations,) of int
         Numbers of these points, from 0.
     place : str
-        The place or ball, of which the displacement is.
+        The place, ball or other channel, of which the displacement is.
     curve : Curve or None
         Equations of the branch, for `at` and `orbits`; none of a branch from a file.
     unknowns : ndarray (points, unknowns), 1, or None
@@ -323,8 +323,8 @@ def continue_orbit(
     points : int
         Most points to each side of the orbit, itself among them.
     of : str, optional
-        Named place or ball whose largest displacement is kept. The default place; the first ball where no contact
-        meets the beam, as with balls at the root.
+        Place, ball or other displacement, as of `Recorder.channels`, whose largest value is kept. The default place;
+        the first ball's in space, "ball.absolute_displacement", where no ball meets the beam, as at the root.
 
     Returns
     -------
@@ -336,7 +336,7 @@ def continue_orbit(
     Raises
     ------
     InputError
-        If the system has no such number, place or ball, or the number changes the modes.
+        If the system has no such number or displacement, or the number changes the modes.
 
     Examples
     --------

@@ -16,13 +16,14 @@ from femimpact.errors import DivergenceError, InputError, changed, made
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import impacts_of
-from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.channel_rows import Drive, channel_rows, drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone
 from femimpact.orbits.equations import SECTION, EventStates, Solution, asymmetry, may_be_symmetric, product, state_unit
 from femimpact.orbits.motion import IMPACT, SEPARATE, TOUCH
 from femimpact.orbits.orbit import PeriodicOrbit, state_of
+from femimpact.response.channels import resolve_channels
 from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, Impacts, event_log
 from femimpact.system.state import ROUNDED
@@ -300,7 +301,7 @@ def own_runs(
     starts, phase, first = zip(*(one.motion.start() for one in solutions), strict=True)
     state, d = np.array(starts), hybrids[0].mass.size
     drives = [drive_of(each, excitation) for each in systems]
-    store = FormStore(systems, drives, [_outputs(systems[0], d, place)] * len(systems))
+    store = FormStore(systems, drives, [_outputs(systems[0], drives[0], d, place)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -355,18 +356,15 @@ def own_runs(
     return list(map(OwnRun, [each.events for each in solutions], first, logs, at_events, *read))
 
 
-def _outputs(system: System, d: int, place: str | None) -> Outputs:
-    """The place or ball, whose peak is found, then all coordinates and their rates."""
-    balls = [pair.name for pair in system.balls]
-    observed = np.zeros(system.dofs) if place in balls else system.point_row(place or system.default_place)
-    first, pairs = outputs_of(system, observed), len(system.contacts)
-    if place in balls:
-        first.position[0, system.dofs + balls.index(place)] = 1.0
-    nothing, each = np.zeros((d, d)), np.eye(d)
+def _outputs(system: System, drive: Drive, d: int, place: str | None) -> Outputs:
+    """The displacement whose peak is found, then all coordinates and their rates."""
+    channels = resolve_channels(system, (place or system.default_place,))
+    first = outputs_alone(system, channel_rows(system, drive, channels, springs_apart=True), drive)
+    pairs, nothing, each = len(system.contacts), np.zeros((d, d)), np.eye(d)
     return Outputs(
         np.concatenate([first.position, each, nothing]),
         np.concatenate([first.rate, nothing, each]),
         np.zeros((1 + 2 * d, pairs)),
-        np.zeros((first.drive.shape[0], 1 + 2 * d)),
+        np.hstack([first.drive, np.zeros((first.drive.shape[0], 2 * d))]),
         np.zeros(1 + 2 * d),
     )

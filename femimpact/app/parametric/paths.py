@@ -188,19 +188,12 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
         try:
             changed = _changed(study, place, value)
         except InputError as error:
-            raise _under(place, error) from None
+            # faults of a sum name the part
+            base, noun = place.owner == "base", place.path.removesuffix(place.field.rpartition(".")[2])
+            prefix = "base." if base else noun
+            raise InputError([replace(fault, key=f"{prefix}{fault.key}") for fault in error.faults]) from None
         study = replace(study, **changed)
     return study
-
-
-def _under(place: Place, error: InputError) -> InputError:
-    """The error of a noun with the path of the noun before its keys."""
-    return InputError([replace(fault, key=f"{_prefix(place)}{fault.key}") for fault in error.faults])
-
-
-def _prefix(place: Place) -> str:
-    # faults of a sum name the part
-    return "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
 
 
 def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:

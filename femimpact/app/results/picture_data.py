@@ -339,7 +339,7 @@ class ResultReading:
             read_file(self.folder, FILES[key].name, self.findings.checksums) for key in ("sticking", "impact_data")
         )
         require(impacts is not None, "file", FILES["impact_data"].name, "", "is missing")
-        nothing = _no_statistics()
+        nothing = impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
         return Response(
             time=np.asarray(time, dtype=float),
             channels={},
@@ -367,10 +367,6 @@ def read_results(folder: Path, study: Study | None = None) -> ResultReading:
 
 BESIDE_CHANNELS = ("base_displacement", "base_velocity", "base_acceleration", "base", "time")
 """Variables of a history that are the motion of its base."""
-
-
-def _no_statistics() -> ImpactStatistics:
-    return impact_statistics(np.zeros((6, 1)), 1.0, 1.0, "")
 
 
 def _ledger(history: xarray.Dataset, time: Array) -> EnergyLedger | None:

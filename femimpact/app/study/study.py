@@ -200,7 +200,7 @@ class OrbitsPlan:
     points : int
         Most points of a branch to each side of the orbit from which it is followed.
     of : str
-        Place or ball whose largest displacement is kept. Absent: the tip, or the first ball where none meets the beam.
+        Displacement whose largest value is kept, as a channel. Absent: the tip, or of a ball in space at the root.
 
     Raises
     ------
