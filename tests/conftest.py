@@ -82,6 +82,13 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "impacts: runs impacts, whose motion may be chaotic")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Files without a marked test are not imported where only such tests are run."""
+    if config.getoption("--perturb-modes") is None or collection_path.suffix != ".py":
+        return None
+    return True if "mark.impacts" not in collection_path.read_text(encoding="utf-8") else None
+
+
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--perturb-modes") is None:
         return
@@ -174,6 +181,13 @@ def undrawn(monkeypatch) -> None:
         return dict.fromkeys(kinds), {}
 
     monkeypatch.setattr("femimpact.app.tasks.task.draw_kinds", draw_kinds)
+
+
+@pytest.fixture
+def empty_pictures(monkeypatch) -> None:
+    """Figures of a page are drawn, and stand on it as empty pictures; for tests that look at what is around them."""
+    empty = '<svg xmlns="http://www.w3.org/2000/svg" width="100pt" height="60pt" viewBox="0 0 100 60"/>'
+    monkeypatch.setattr("femimpact.app.report.markup.svg_text", lambda _drawn: empty)
 
 
 @pytest.fixture(scope="session")

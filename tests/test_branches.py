@@ -18,8 +18,6 @@ from femimpact.orbits.figures import MARKS
 from femimpact.orbits.orbit import state_vector
 from femimpact.validation.closed_forms import box_fold, box_orbits, stop_orbits
 
-pytestmark = pytest.mark.impacts
-
 CASE = {"mu": 0.1, "e": 0.8, "zeta": 0.01, "ratio": 1.0, "clearance": 20.0}
 """A ball in a box on an oscillator that a force of 1 N drives."""
 
@@ -145,6 +143,7 @@ def test_a_closed_branch_is_followed_once():
     assert sorted(kinds_of(again)) == sorted(kinds_of(branch))
 
 
+@pytest.mark.impacts
 def test_the_grazing_of_a_compliant_contact_is_that_of_a_rigid_one():
     """At no speed there is no contact: the amplitude is that at which the linear motion reaches the wall."""
     found = []
@@ -177,7 +176,7 @@ def test_a_linear_beam_has_one_branch():
     np.testing.assert_allclose(at.state.displacement, again.state.displacement, atol=1e-14)
 
 
-@pytest.mark.parametrize("frequency", [4.0, 5.0, 5.3])
+@pytest.mark.parametrize("frequency", [4.0, 5.3])
 def test_a_sharp_resonance_is_passed(frequency):
     """With a damping ratio of 0.0029: steps are a share of a motion that has grown."""
     system = reduced(replace(REFERENCE, impactors=()), 4)
@@ -190,8 +189,7 @@ def test_a_sharp_resonance_is_passed(frequency):
     assert branch.peak.max() > 30.0 * max(branch.peak[0], branch.peak[-1])
 
 
-@pytest.mark.parametrize("ratio", [1e-2, 1e-6])
-@pytest.mark.parametrize("of_force", [False, True])
+@pytest.mark.parametrize(("ratio", "of_force"), [(1e-6, False), (1e-6, True), (1e-2, False)])
 def test_the_peak_of_an_oscillator_is_reached(ratio, of_force):
     """At the frequency of the peak of its response, of a thousand times the motion at the start and more."""
     system = oscillator(1.0, 2.0 * ratio)
@@ -240,11 +238,13 @@ def test_a_crest_ends_a_branch_where_it_reaches_the_wall(ratio, amplitude):
 # ---- asymmetric branches ----------------------------------------------------------------------------
 
 
+@pytest.mark.impacts
 def test_two_neimark_sacker_points_3_mhz_apart_are_found(asymmetric):
     found = values_of(asymmetric, "neimark-sacker")
     np.testing.assert_allclose(found, [5.025867, 5.028924], atol=1.5e-6)
 
 
+@pytest.mark.impacts
 def test_no_multiplier_near_the_unit_circle_moves_far_in_a_step(asymmetric):
     """By at most 0.1 where it is within 0.3 of the circle: two Neimark-Sacker points in one step would go unseen."""
     far = []
@@ -255,6 +255,7 @@ def test_no_multiplier_near_the_unit_circle_moves_far_in_a_step(asymmetric):
     assert 0.05 < max(far) < 0.1 + 1e-12
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("start", [5.184870350741823, 5.24, 5.24020925, 5.32])
 def test_two_neimark_sacker_points_in_one_step_are_found_from_every_start(start):
     """Beyond both the number of multipliers outside the unit circle is what it was."""
@@ -289,6 +290,7 @@ def test_two_symmetry_breakings_in_one_step_are_those_of_the_closed_form(start, 
     assert branch.warnings == ()
 
 
+@pytest.mark.impacts
 def test_a_change_of_stability_that_no_bifurcation_explains_is_said(asymmetric):
     """As of a branch of which one Neimark-Sacker point had been missed."""
     missed = [each.kind for each in asymmetric.bifurcations].index("neimark-sacker")
@@ -327,6 +329,7 @@ def test_every_change_of_stability_is_explained_where_bifurcations_lie_close(sta
     assert branch.warnings == ()
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
 def test_two_doublings_in_one_step_are_both_found(apart):
     """Two oscillators alone, half a cycle apart, whose stops differ a little: -1 is passed twice the same way.
@@ -357,6 +360,7 @@ def test_two_doublings_in_one_step_are_both_found(apart):
     np.testing.assert_allclose(np.multiply(values_of(branch, "period-doubling"), ratio**2), exact, rtol=1e-10)
 
 
+@pytest.mark.impacts
 def test_an_asymmetric_branch_ends_on_the_symmetric_one(asymmetric, symmetric):
     exact = values_of(symmetric, "symmetry-breaking")
     assert exact[0] == pytest.approx(5.01159, abs=1e-5)
@@ -366,6 +370,7 @@ def test_an_asymmetric_branch_ends_on_the_symmetric_one(asymmetric, symmetric):
     assert asymmetric.bifurcations[0].orbit.is_symmetric
 
 
+@pytest.mark.impacts
 def test_a_branch_is_the_same_from_any_of_its_orbits(beam, asymmetric):
     again = fi.continue_orbit(settled(beam, 5.035), "frequency", (4.9, 5.2))
     assert kinds_of(again) == kinds_of(asymmetric)
@@ -373,6 +378,7 @@ def test_a_branch_is_the_same_from_any_of_its_orbits(beam, asymmetric):
         assert one.value == pytest.approx(other.value, rel=1e-10)
 
 
+@pytest.mark.impacts
 def test_a_doubled_orbit_has_branch_points_where_the_single_one_doubles(branches):
     """Twice its period, the multipliers are squares: -1 is +1 without a fold."""
     single, model = branches["gravity"], MODELS["gravity"]
@@ -426,6 +432,7 @@ def branches(over_gap, asymmetric, symmetric):
 NAMES = ("over gap", "asymmetric", "symmetric", "two balls", "gravity", "Kelvin-Voigt", "stop in space")
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("name", NAMES)
 def test_a_multiplier_is_on_the_unit_circle_at_each_bifurcation(branches, name):
     for each in branches[name].bifurcations:
@@ -447,6 +454,7 @@ def test_a_multiplier_is_on_the_unit_circle_at_each_bifurcation(branches, name):
             assert each.kind == "grazing"
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("name", NAMES)
 def test_stability_changes_only_at_bifurcations(branches, name):
     """The number of multipliers outside the unit circle changes between two points by those that cross between them."""
@@ -454,6 +462,7 @@ def test_stability_changes_only_at_bifurcations(branches, name):
     assert branches[name].bifurcations
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("name", NAMES)
 def test_every_orbit_is_that_which_find_orbit_finds(branches, name):
     branch = branches[name]
@@ -496,6 +505,7 @@ def test_an_orbit_between_two_points_that_no_run_confirms_is_refused(undamped):
         assert f"base.frequency = {near:.10g}" in str(refused.value)
 
 
+@pytest.mark.impacts
 def test_orbits_of_points_are_confirmed_by_their_runs(branches):
     """But for bifurcations, and impacts slower than 1e-3 of a gap in a radian, of which rounding decides."""
     for name in NAMES:
@@ -509,12 +519,14 @@ def test_orbits_of_points_are_confirmed_by_their_runs(branches):
             assert np.array_equal(state_vector(each.orbit.state), state_vector(branch.orbits[number].state))
 
 
+@pytest.mark.impacts
 @pytest.mark.parametrize("name", NAMES)
 def test_every_end_has_its_reason(branches, name):
     reasons = ("edge", "impact speed zero", "extra contact", "joins a symmetric branch", "closed on itself")
     assert all(words.startswith(reasons) for words in branches[name].end)
 
 
+@pytest.mark.impacts
 def test_a_branch_of_few_points_says_so():
     orbit = MODELS["rigid"].orbit()
     branch = fi.continue_orbit(orbit, "frequency", np.array([4.5, 6.5]), points=4)
@@ -522,6 +534,7 @@ def test_a_branch_of_few_points_says_so():
     assert len(branch) == 7
 
 
+@pytest.mark.impacts
 def test_tables_have_the_points(asymmetric):
     frame, labelled = asymmetric.to_pandas(), asymmetric.to_xarray()
     np.testing.assert_array_equal(frame["base.frequency"], asymmetric.values)
@@ -534,6 +547,7 @@ def test_tables_have_the_points(asymmetric):
     assert "joins a symmetric branch" in labelled.attrs["last_end"]
 
 
+@pytest.mark.impacts
 def test_the_figure_has_every_bifurcation_and_two_lines(asymmetric):
     axis = fi.figures.branch(asymmetric, ax=fi.figures.OffScreen())
     words = [text.get_text() for text in axis.get_legend().get_texts()]

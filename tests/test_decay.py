@@ -57,12 +57,15 @@ def cramer_rao(modes, deviation, time=TIME):
 
 @pytest.mark.parametrize(("modes", "noise"), [((ONE,), 0.01), (CLOSE, 0.001), (CLOSE, 0.01)])
 def test_no_reading_of_a_decay_can_be_much_better(modes, noise):
-    found = [fi.identify_decay(TIME, decay(*modes, noise=noise, seed=seed), modes=len(modes)) for seed in range(60)]
+    found = [fi.identify_decay(TIME, decay(*modes, noise=noise, seed=seed), modes=len(modes)) for seed in range(30)]
     errors = [[(m.frequency - f, m.damping_ratio - z) for m, (f, z, *_) in zip(one.modes, modes, strict=True)]
               for one in found]  # fmt: skip
     bound = cramer_rao(modes, noise * np.abs(decay(*modes)).max())
-    # the mean square of 60 errors at the bound exceeds 1.44 times it in 1 of 70 draws; the seeds are fixed
-    assert np.all(np.sqrt(np.mean(np.square(errors), axis=0)) <= 1.2 * bound)
+    # of a number the mean square of 30 errors at the bound exceeds 1.69 times it in 1 of 90 draws, and that of 60 of
+    # two numbers exceeds 1.44 times it in 1 of 70; the seeds are fixed
+    squares = np.mean(np.square(errors / bound), axis=0)
+    assert np.all(squares <= 1.3**2)
+    assert np.mean(squares) <= 1.2**2
 
 
 def test_the_interval_of_a_mode_has_the_width_of_the_cramer_rao_bound():

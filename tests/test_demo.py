@@ -20,8 +20,6 @@ from femimpact.app.study.findings import Spread
 from femimpact.app.study.summary import spread_of
 from femimpact.cli import print_results
 
-pytestmark = pytest.mark.impacts
-
 PAGE = Path(__file__).parent.parent / "docs" / "paper" / "paper.md"
 EXACT = {
     "first frequency, without ball",
@@ -54,6 +52,7 @@ def comparison(results):
     return list(zip(*read_csv(results.directory / "comparison.csv").values(), strict=True))
 
 
+@pytest.mark.impacts
 def test_published_figures_stand_beside_ours(comparison):
     rows = {row[0]: row for row in comparison}
     _, theory, experiment, here, there, method = rows["first frequency, without ball"]
@@ -69,6 +68,7 @@ def test_published_figures_stand_beside_ours(comparison):
     assert len(rows) == len(comparison)
 
 
+@pytest.mark.impacts
 def test_a_chaotic_peak_has_no_fitted_damping(results, comparison):
     # only the drop of the peak is called a damping of the ball
     assert [row[0] for row in comparison if "damping with ball" in row[0]] == ["damping with ball (0.29 % x ratio)"]
@@ -79,6 +79,7 @@ def test_a_chaotic_peak_has_no_fitted_damping(results, comparison):
     assert results.summary["sweep"]["empty"]["damping_fit"] == pytest.approx(0.0029, rel=0.03)
 
 
+@pytest.mark.impacts
 def test_what_is_chaotic_is_a_median_within_its_range(results, comparison):
     # one run is a sample: the demo's own numbers are those of several starts
     for start in ("base", "space"):
@@ -95,11 +96,13 @@ def test_what_is_chaotic_is_a_median_within_its_range(results, comparison):
     assert {scan[f"{start}_starts"][i] for start in starts for i in (0, 1)} == {2}
 
 
+@pytest.mark.impacts
 def test_the_restitution_is_the_studys_and_its_neighbours_are_named(results):
     assert results.summary["restitution"] == pytest.approx(0.78, rel=1e-12)
     assert "near the published resonance" in results.summary["remarks"][0]
 
 
+@pytest.mark.impacts
 def test_the_table_of_the_page_on_the_paper_has_the_rows_of_the_demo(comparison):
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
@@ -111,6 +114,7 @@ def test_the_table_of_the_page_on_the_paper_has_the_rows_of_the_demo(comparison)
             assert row[3:5] == [here, there]
 
 
+@pytest.mark.impacts
 def test_the_answer_is_the_start_at_rest_relative_to_the_base(results, comparison, capsys):
     print_results(results.directory)
     lines = capsys.readouterr().out.splitlines()
@@ -168,6 +172,7 @@ def test_the_study_that_is_left_behind_is_the_one_that_was_run(results):
     assert study.base.frequency == pytest.approx(results.summary["history"]["frequency"], rel=1e-6)
 
 
+@pytest.mark.impacts
 def test_both_starts_are_in_the_tables(results):
     folder = results.directory
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}

@@ -114,12 +114,11 @@ def test_links_within_the_page_lead_somewhere_and_identifiers_are_used_once(soun
 
 def test_two_reports_of_the_same_results_are_the_same_bytes_wherever_they_are(results, tmp_path):
     first = (results / "report.html").read_bytes()
-    assert write_report(results).read_bytes() == first
     moved = shutil.copytree(results, tmp_path / "elsewhere")
-    assert write_report(moved).read_bytes() == first
-    assert write_report(results, tmp_path / "page.html").read_bytes() == first
+    assert write_report(moved, tmp_path / "page.html").read_bytes() == first
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_report_leaves_results_as_they_were(results):
     before = {path.name: path.read_bytes() for path in results.iterdir() if path.name != "report.html"}
     write_report(results)
@@ -165,6 +164,7 @@ def test_a_report_that_fails_is_a_warning_and_the_results_stand(tmp_path, monkey
     assert not (tmp_path / "out" / "report.html").exists()
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_the_command_writes_the_page_or_says_why_not(results, tmp_path, capsys):
     (results / "report.html").unlink()
     app(["report", str(results)], result_action="return_value")
@@ -185,6 +185,7 @@ DAMAGE = {"gone": None, "empty": b"", "another file": b"[1, 2]", "zeros": b"\x89
 READ = ("summary.json", "study.toml", "modes.csv", "modes.nc", "sweep.nc", "history.nc", "impacts.csv")
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize(
     ("name", "damage"), [(name, list(DAMAGE)[i % len(DAMAGE)]) for i, name in enumerate((*READ, *READ[1:]))]
 )
@@ -211,6 +212,7 @@ def test_values_of_any_kind_in_a_summary_stop_nothing(sound, tmp_path):
             assert "What was found" in text_of(tmp_path)
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_damaged_summary_shows_what_is_sound_and_names_each_damaged_key(results):
     summary = json.loads((results / "summary.json").read_text())
     assert summary["warnings"]
@@ -266,6 +268,7 @@ def test_a_history_without_a_contact_has_figures_without_contacts_and_no_warning
     assert {file.stem for file in (tmp_path / "out").rglob("*.png")} == {"drive", "history", "energy"}
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_results_of_a_version_without_these_files_make_a_report(results):
     for name in ("modes.nc", "history.nc", "impacts.nc"):
         (results / name).unlink()
@@ -278,6 +281,7 @@ def test_results_of_a_version_without_these_files_make_a_report(results):
     assert "not known" in text
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_parts_of_a_run_that_was_ended_make_a_report(tmp_path, monkeypatch):
     def ended(*_):
         raise KeyboardInterrupt
@@ -321,6 +325,7 @@ def test_every_text_of_a_report_stays_text(sound, tmp_path, text):
     assert attributes_of(hostile) == attributes_of(plain)
 
 
+@pytest.mark.usefixtures("empty_pictures")
 @pytest.mark.parametrize("text", HOSTILE)
 def test_every_text_of_a_script_stays_text(run, tmp_path, text):
     def page(word: str) -> Parsed:
@@ -348,6 +353,7 @@ def unpacked(text: str, width: int) -> np.ndarray:
     return np.frombuffer(base64.b64decode(text), dtype="<i2").reshape(-1, width).astype(float)
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_the_player_has_every_snapshot_to_its_last_bit_but_rounding(run, tmp_path):
     fi.report(tmp_path / "page.html", {"run": run}, REFERENCE)
     data = player_data(tmp_path / "page.html")
@@ -416,6 +422,7 @@ def test_the_box_of_a_ball_is_drawn_once_in_drawing_and_player(tmp_path, damper,
     assert boxes == (3 * [pytest.approx(0.01)] if damper == "ball" else [])
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_player_of_a_long_record_on_a_fine_mesh_stays_small(tmp_path):
     structure = replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], contact=fi.Rigid(0.9)),))
     record = fi.Recorder(snapshots=1)
@@ -475,6 +482,7 @@ def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):
     assert "one sample" not in text
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_study_on_a_page_names_its_drive_and_takes_the_axes_of_the_worst(tmp_path):
     small = reduced(replace(REFERENCE, impactors=(replace(REFERENCE.impactors[0], gap=1e-3),)), 3, 10)
     axes = {
@@ -609,6 +617,7 @@ def test_the_answer_of_a_sweep_says_what_the_ball_does():
     assert "8 times more" in answer_of(Findings(sweep=larger), ())
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(results):
     text = write_report(results, results / "sheet.html", True).read_text(encoding="utf-8")
     page = Parsed(text)

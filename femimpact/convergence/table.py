@@ -203,10 +203,9 @@ def table_lines(table: ConvergenceTable) -> list[str]:
     width = max([NAME, *(len(str(name)) + 1 for name in table.name)])
     failures = zip(table.label, table.failure, strict=True)
     reasons = [_wrapped(f"{label}: {reason}") for label, reason in failures if reason]
-    notes = [_wrapped(f"- {note}") for note in table.notes]
     return [
         *textwrap.wrap(table.problem, WIDTH), *_errors(table, width), *itertools.chain(*reasons), "",
-        *_orders(table, width), *itertools.chain(*notes),
+        *_orders(table, width), *(line for note in table.notes for line in _wrapped(f"- {note}")),
     ]  # fmt: skip
 
 

@@ -196,8 +196,8 @@ class Impactor:
     def wall_pressure(self, approach_speed: float) -> tuple[float, float]:
         """Largest force F (N) and pressure (Pa) where the bare ball meets its bare wall, which does not give way.
 
-        By Hertz's law 3 F/(2 pi a^2), with a^2 = R p of the penetration p (Johnson, 1985, section 4.2). A wall begins
-        to yield below its surface where this is 1.6 times its yield stress (section 6.1 there).
+        By Hertz's law 3 F/(2 pi a^2), with a^2 = R p of the penetration p. A wall begins to yield below its surface
+        where this is 1.6 times its yield stress (Johnson, 1985).
         """
         if self.material is None or self.wall is None:
             return math.nan, math.nan

@@ -76,7 +76,7 @@ def hertz() -> Iterator[Case]:
     ball = Hertz(hertz_stiffness(RADIUS, STEEL, STEEL))
     impact = collide(ball, MASS, SPEED)
     yield Case(
-        "Hertz contact: time", "Johnson (1985), rounded to 2.94 there", "contact time v/p_max", "1",
+        "Hertz contact: time", "derived here (gamma functions)", "contact time v/p_max", "1",
         0.8 * math.gamma(0.4) * math.sqrt(math.pi) / math.gamma(0.9),
         impact.contact_time * SPEED / impact.largest_penetration, 1e-9, "quadrature of a smooth integrand, 60 points",
     )  # fmt: skip

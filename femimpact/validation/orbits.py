@@ -212,13 +212,16 @@ def beside(compared: Compared) -> Iterator[Case]:
     )  # fmt: skip
 
 
+def nearest_bifurcation(branch: Branch, kind: str, exact: float) -> float:
+    """The value of a branch at its bifurcation of a kind, the nearest to a value; not a number if there is none."""
+    values = (point.value for point in branch.bifurcations if point.kind == kind)
+    return min(values, key=lambda value: abs(value - exact), default=math.nan)
+
+
 def bifurcation(name: str, source: str, kind: str, unit: str, branch: Branch, exact: float) -> Case:
-    """The value of a branch at a bifurcation: the nearest one of its kind."""
-    values = [point.value for point in branch.bifurcations if point.kind == kind]
-    return Case(
-        f"{name}: {kind}", source, "value of the parameter", unit, exact,
-        min(values, key=lambda value: abs(value - exact), default=math.nan), 1e-10, LOCATED,
-    )  # fmt: skip
+    """The value of a branch at a bifurcation."""
+    computed = nearest_bifurcation(branch, kind, exact)
+    return Case(f"{name}: {kind}", source, "value of the parameter", unit, exact, computed, 1e-10, LOCATED)
 
 
 # ---- a ball in a box, two impacts in each cycle --------------------------------------------------

@@ -188,12 +188,16 @@ def study_with(study: Study, values: Mapping[Place, Any]) -> Study:
         try:
             changed = _changed(study, place, value)
         except InputError as error:
-            # faults of a sum name the part
-            base, noun = place.owner == "base", place.path.removesuffix(place.field.rpartition(".")[2])
-            prefix = "base." if base else noun
-            raise InputError([replace(fault, key=f"{prefix}{fault.key}") for fault in error.faults]) from None
+            raise _under(place, error) from None
         study = replace(study, **changed)
     return study
+
+
+def _under(place: Place, error: InputError) -> InputError:
+    """The error of a noun with the path of the noun before its keys."""
+    # faults of a sum name the part
+    above = "base." if place.owner == "base" else place.path.removesuffix(place.field.rpartition(".")[2])
+    return InputError([replace(fault, key=f"{above}{fault.key}") for fault in error.faults])
 
 
 def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
@@ -291,9 +295,10 @@ class CaseSystems:
             return self._kept(tuple((place, value) for place, value in values.items() if place.stage < Stage.METHOD))
 
     def _made(self, values: Values) -> System:
-        of_modes = {place: value for place, value in values.items() if place.stage == Stage.MODES}
-        of_damping = {place: value for place, value in values.items() if place.stage == Stage.DAMPING}
-        of_balls = {place: value for place, value in values.items() if place.stage == Stage.BALL}
+        of_modes, of_damping, of_balls = (
+            {place: value for place, value in values.items() if place.stage == stage}
+            for stage in (Stage.MODES, Stage.DAMPING, Stage.BALL)
+        )
         if of_balls:
             rest = {place: value for place, value in values.items() if place.stage < Stage.BALL}
             return _with_balls(self.of(rest), of_balls)

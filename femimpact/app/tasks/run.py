@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from femimpact.app.study.prepared import (
     runs_of_starts,
     sweep_cost,
 )
-from femimpact.app.study.study import Study, assemble_on
+from femimpact.app.study.study import Study, SweepPlan, assemble_on
 from femimpact.app.study.summary import (
     SweepPair,
     findings_of,
@@ -135,10 +135,7 @@ def _read_within_contacts(prepared: PreparedStudy, grid: float) -> tuple[Method,
 def run_sweep(prepared: PreparedStudy, report: Report = _silent) -> SweepPair:
     """Sweeps without and with balls: the even grid, refined around both resonances."""
     study, small, bare = prepared.study, prepared.small, prepared.bare
-    plan = study.sweep
-    require(plan is not None, "sweep", None, "", "table [sweep] is missing")
-    if plan is None:
-        raise AssertionError("require raises")
+    plan = cast(SweepPlan, study.sweep)
     method, bare_method, level = prepared.method, prepared.bare_method, study.sweep_level
     coarse = even_grid(plan)
     state = study.initial

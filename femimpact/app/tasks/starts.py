@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from femimpact.app.parametric.verb import block_cases, run_blocks
 from femimpact.app.report.pictures import Report
 from femimpact.app.study.findings import Findings, HistoryStarts, Spread
 from femimpact.app.study.prepared import PreparedStudy
+from femimpact.app.study.study import SweepPlan
 from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
@@ -57,9 +58,7 @@ def drawn_curves(
 
     Raises `DivergenceError` where all starts fail.
     """
-    study, plan = prepared.study, prepared.study.sweep
-    if plan is None:
-        raise AssertionError("only of a study with a sweep")
+    study, plan = prepared.study, cast(SweepPlan, prepared.study.sweep)
     level = zip(empty.frequency.tolist(), empty.base_amplitude.tolist(), strict=True)
     cases = [{"base.frequency": f, "base.amplitude": amplitude, "base.start": study.start} for f, amplitude in level]
     definition = ParameterStudy(
