@@ -428,7 +428,7 @@ def test_a_bifurcation_is_drawn_over_the_number_that_differs_between_runs(small)
     assert across(equal, over=("damping ratio (%)", [0.2, 0.1])) == ("damping ratio (%)", [0.1, 0.2])
     with pytest.raises(fi.InputError, match=r"over = 'none': .* the value of each run"):
         across(equal)
-    with pytest.raises(fi.InputError, match=r"over\[1\] = 3 values: must be as many as there are runs, 2"):
+    with pytest.raises(fi.InputError, match=r"must be words and a value for each of 2 runs"):
         across(equal, over=("damping", [1.0, 2.0, 3.0]))
     with pytest.raises(fi.InputError, match=r"over = \[1.0, 2.0\]: must be words"):
         across(equal, over=[1.0, 2.0])

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, column, instance, items, optional, quantity, require, suggestion, takes
-from femimpact.excitation.drives import is_force
-from femimpact.excitation.excitation import LineLoad
+from femimpact.excitation.excitation import LineLoad, is_force
 from femimpact.figures.drawing import (
     BLUE,
     CYCLES,
@@ -443,12 +442,10 @@ def bifurcation(
 def _varied(responses: Sequence[Response], over: Any) -> tuple[str, Array]:
     """Words and values of the first number that differs between runs, or of one that is given; of one run the first."""
     if over is not None:
-        pair = isinstance(over, (tuple, list)) and len(over) == 2 and isinstance(over[0], str)
-        require(pair, "over", over, "", 'must be words and the value of each run: ("damping ratio (%)", [0.1, 0.2])')
-        given: Array = checked("over[1]", over[1], column("", "runs", finite=True))
-        allowed = f"must be as many as there are runs, {len(responses)}"
-        require(given.size == len(responses), "over[1]", given.size, "values", allowed)
-        return over[0], given
+        pair = isinstance(over, (tuple, list)) and len(over) == 2 and np.size(over[1]) == len(responses)
+        allowed = f'must be words and a value for each of {len(responses)} runs, as ("damping ratio (%)", [0.1, 0.2])'
+        require(pair and isinstance(over[0], str), "over", over, "", allowed)
+        return over[0], checked("over[1]", over[1], column("", "runs", finite=True))
     numbers = [_numbers(response) for response in responses]
     columns = {words: np.array([each.get(words) for each in numbers], dtype=float) for words in numbers[0]}
     differ = [words for words, values in columns.items() if np.all(np.isfinite(values)) and np.ptp(values) > 0.0]
