@@ -655,7 +655,7 @@ def test_where_no_ball_meets_the_beam_a_branch_has_the_displacement_of_the_ball(
     assert tip.peak.max() < 1e-6
     with pytest.raises(fi.InputError, match=r"of = 'table'"):
         fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3), of="table")
-    assert "largest ball absolute displacement (mm)" in fi.figures.branch(branch).get_ylabel()
+    assert "largest absolute displacement of ball (mm)" in fi.figures.branch(branch).get_ylabel()
 
 
 def test_a_ball_that_meets_the_beam_leaves_the_tip_as_what_a_branch_has(beam):
