@@ -33,7 +33,6 @@ extensions = [
 exclude_patterns = [
     "_build",
     "_templates",
-    "api/*.inc.md",
     "api/examples",
     "README.md",
     "gallery/*.ipynb",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import io
+import json
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -60,8 +61,6 @@ def write(folder: Path) -> None:
     pages = {
         "index.rst": api_page(),
         **subject_pages(),
-        "keys.inc.md": "\n".join(key_page()),
-        "commands.inc.md": "\n".join(command_page()),
     }
     for name, text in pages.items():
         path = folder / name
@@ -221,7 +220,7 @@ def _key_table(part: dict[str, Any]) -> Iterator[str]:
 
 def _bounds(words: str) -> str:
     """A range without the words that stand in the columns of type and unit."""
-    if words in ("True or False", "a text", "texts") or words.startswith("'"):
+    if words in ("a text", "texts") or words.startswith(("'", "True or False")):
         return ""
     if not words.startswith(("a finite", "a whole")):
         return words
@@ -237,7 +236,7 @@ def _type(about: dict[str, Any]) -> str:
     if "const" in about:
         return f'`"{about["const"]}"`'
     if "enum" in about:
-        return " or ".join(f'`"{name}"`' for name in about["enum"])
+        return " or ".join(f"`{json.dumps(name)}`" for name in about["enum"])
     if "anyOf" in about or "oneOf" in about:
         # every number may be a text with a unit: the page says so once
         parts = [part for part in about.get("anyOf", about.get("oneOf")) if "pattern" not in part]
@@ -323,8 +322,6 @@ KEYWORDS = {
 
 
 ON_SITE = {
-    "reference/study_file": "{include} ../api/keys.inc.md",
-    "reference/command_line": "{include} ../api/commands.inc.md",
     "reference/bibliography": "{bibliography}\n:all:",
     "reference/index": "{toctree}\n:hidden:\n\nPython names <../api/index>",
     "development/contributing": (

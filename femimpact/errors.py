@@ -631,10 +631,10 @@ class _DocstringWithRanges:
     """Docstring of a dataclass, with the allowed ranges of its fields once it is read: most never are."""
 
     def __init__(self, words: str | None) -> None:
-        self._words = words
+        self.words = words
 
     def __get__(self, instance: Any, kind: Any) -> str | None:
-        return with_ranges(self._words, _declared(kind))
+        return with_ranges(self.words, _declared(kind))
 
 
 def show_ranges(kind: Any) -> None:

@@ -382,6 +382,16 @@ SHOWN_IN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N s": (1e3, "mN s"), "kg": (
 """Units of axes and measures that are shown in another one, by its factor and its name: the same wherever they are."""
 
 
+def counted(number: int, what: str) -> str:
+    """A number and what is counted, as "1 mode" or "2 modes"."""
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
+def name_words(name: str) -> str:
+    """Words for the name of a channel or a measure, as "root surface stress" for root.surface_stress."""
+    return re.sub(r"\.(?=[a-z])", " ", name).replace("_", " ")
+
+
 def unit_text(value: float, unit: str) -> str:
     """A number for the eye, with its unit."""
     factor, name = SHOWN_IN.get(unit, (1.0, unit))

@@ -435,7 +435,7 @@ def test_a_sample_in_which_no_cases_agree_is_refused_with_what_to_do():
     )
     with pytest.raises(fi.InputError, match=r"no two cases that agree in all axes but base.frequency: study a grid"):
         fi.best_case(given, "peak")
-    with pytest.raises(fi.InputError, match=r"no two designs that agree in base.frequency"):
+    with pytest.raises(fi.InputError, match=r"dataset: no two designs agree in base.frequency"):
         fi.best_case(given, "peak", [])
     without = given.drop_vars(FREQUENCY)
     assert only(fi.best_case(without, "peak")).value == float(given["peak"].min())

@@ -620,3 +620,68 @@ def test_orbits_at_a_far_smaller_gap_than_that_of_the_start_are_confirmed(high):
         orbits = fi.continue_orbit(fi.find_orbit(system, push, guess=start), "stop.wall.gap", (1.5e-5, high)).orbits
         for orbit in orbits:
             assert orbit.residual <= 1e-10 * max(1.0, abs(orbit.multipliers[0]))
+
+
+def test_where_no_ball_meets_the_beam_a_branch_has_the_displacement_of_the_ball():
+    # a ball on a vibrating table: fold and doubling have closed forms (Holmes, 1982)
+    e, frequency = 0.5, 20.0
+    beam = fi.Beam.uniform(length=0.1, width=0.05, thickness=0.02, young_modulus=210e9, density=7850)
+    ball = fi.Impactor("ball", at="root", mass=5e-3, gap=(1.0, 0.0), contact=fi.Rigid(e))
+    structure = fi.Structure(beam, impactors=[ball], damping=fi.Rayleigh(0.05, modes=(1, 2)), gravity=-9.81)
+    table = fi.reduce(fi.assemble(structure, elements=4), modes=1)
+    # the impact is where the upward speed of the table is w A cos(phase) = g T (1 - e)/(2 (1 + e))
+    ratio, gravity = (1 - e) / (1 + e), 9.81 / (2 * np.pi * frequency) ** 2
+    amplitude = 0.8e-3
+    phase = math.acos(math.pi * ratio * gravity / amplitude)
+    speed = 9.81 / (2 * frequency) * (1 - ratio)
+    start = fi.State(ball_displacement=[0.0], ball_velocity=[speed])
+    orbit = fi.find_orbit(table, fi.Sine(amplitude, frequency, phase), guess=start)
+    branch = fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3))
+    assert branch.place == "ball.absolute_displacement"
+    kinds = {each.kind: each.value for each in branch.bifurcations}
+    doubling = math.hypot(math.pi * ratio, 2 * (1 + e * e) / (1 + e) ** 2) * gravity
+    assert kinds == pytest.approx({"fold": math.pi * ratio * gravity, "period-doubling": doubling}, rel=1e-6)
+    both = branch.at(amplitude)
+    assert sorted(one.is_stable for one in both) == [False, True]
+    low, high = sorted(float(one.steady(branch.place).peak[0]) for one in both)
+    assert high > 1.3 * low
+    order = np.argsort(branch.values)
+    stable = order[branch.is_stable[order]]
+    found = np.interp(amplitude, branch.values[stable], branch.peak[stable])
+    assert found == pytest.approx(high, rel=1e-3)
+    # the table moves by its drive alone
+    tip = fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3), of="tip")
+    assert tip.place == "tip"
+    assert tip.peak.max() < 1e-6
+    with pytest.raises(fi.InputError, match=r"of = 'table'"):
+        fi.continue_orbit(orbit, "amplitude", to=(0.6e-3, 1.1e-3), of="table")
+    assert "largest absolute displacement of ball (mm)" in fi.figures.branch(branch).get_ylabel()
+
+
+def test_a_ball_that_meets_the_beam_leaves_the_tip_as_what_a_branch_has(beam):
+    orbit = settled(beam, 5.027)
+    of_tip, of_ball = (fi.continue_orbit(orbit, "frequency", (5.0, 5.05), of=of) for of in (None, "ball"))
+    assert (of_tip.place, of_ball.place) == ("tip", "ball")
+    for branch in (of_tip, of_ball):
+        i = len(branch) // 2
+        assert branch.peak[i] == pytest.approx(branch.orbits[i].steady(branch.place).peak[0], rel=1e-9)
+
+
+def test_sheets_of_a_ball_in_a_driven_box_are_told_apart():
+    # relative to the box each orbit has the gap for its peak; in space it is half of v/(2 f) and the wall beside
+    beam = fi.Beam.uniform(length=0.1, width=0.05, thickness=0.02, young_modulus=210e9, density=7850)
+    ball = fi.Impactor("ball", at="root", mass=5e-3, gap=5e-3, contact=fi.Rigid(0.6))
+    structure = fi.Structure(beam, impactors=[ball], damping=fi.Rayleigh(0.05, modes=(1, 2)))
+    box = fi.reduce(fi.assemble(structure, elements=4), modes=1)
+    orbits = fi.orbits.two_impact_orbits(box, fi.Sine(3e-3, 10.0))
+    assert [one.is_stable for one in orbits] == [True, False]
+    # the ball crosses at v = V (1 + e)/2 in half a period: it goes v/(4 f) to either side
+    crossing = [one.impacts.approach_speed[0] * 0.8 / (4 * 10.0) for one in orbits]
+    for one, way in zip(orbits, crossing, strict=True):
+        branch = fi.continue_orbit(one, "amplitude", to=(2.9e-3, 3.1e-3))
+        at = np.flatnonzero(np.isclose(branch.values, 3e-3, rtol=1e-12))
+        assert branch.peak[at] == pytest.approx(way, rel=1e-6)
+        relative = fi.continue_orbit(one, "amplitude", to=(2.9e-3, 3.1e-3), of="ball")
+        assert relative.peak == pytest.approx(5e-3, rel=1e-9)
+    with pytest.raises(fi.InputError, match="must be a displacement"):
+        fi.continue_orbit(orbits[0], "amplitude", to=(2.9e-3, 3.1e-3), of="ball.velocity")

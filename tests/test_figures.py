@@ -390,6 +390,50 @@ def test_a_bifurcation_has_the_sections_of_every_run(small):
         np.testing.assert_allclose(drawn.get_ydata()[own], 1e3 * section["tip"][section.time >= response.window[0]])
 
 
+def test_a_bifurcation_is_drawn_over_the_number_that_differs_between_runs(small):
+    def runs(systems, drives):
+        record = fi.Recorder(channels=("tip",))
+        return [
+            fi.integrate(system, drive, fi.EventDriven(), 2.0, record)
+            for system, drive in zip(systems, drives, strict=True)
+        ]
+
+    def across(responses, **over):
+        axis = fi.figures.bifurcation(responses, ax=fi.figures.OffScreen(), **over)
+        return axis.get_xlabel(), sorted(set(axis.lines[0].get_xdata().tolist()))
+
+    def with_pair(**numbers):
+        pair = dataclasses.replace(small.contacts[0], **numbers)
+        return dataclasses.replace(small, contacts=(pair,))
+
+    base = fi.Sine(0.2e-3, 5.0)
+    levels = (0.1e-3, 0.2e-3)
+    assert across(runs([small] * 2, [fi.Sine(level, 5.0) for level in levels])) == (
+        "amplitude of the base (mm)",
+        [0.1, 0.2],
+    )
+    forces = [fi.PointForce("tip", fi.Sine(level, 5.0)) for level in levels]
+    assert across(runs([small] * 2, forces)) == ("amplitude of the force (N)", [0.1e-3, 0.2e-3])
+    assert across(runs([with_pair(gaps=(gap, gap)) for gap in (1e-3, 3e-3)], [base] * 2)) == (
+        "gap of ball (mm)",
+        [1.0, 3.0],
+    )
+    assert across(runs([with_pair(gaps=(2e-3, gap)) for gap in (1e-3, 3e-3)], [base] * 2)) == (
+        "gap of ball, - side (mm)",
+        [1.0, 3.0],
+    )
+    laws = [fi.Rigid(e) for e in (0.5, 0.75)]
+    assert across(runs([with_pair(law=law) for law in laws], [base] * 2)) == ("restitution of ball", [0.5, 0.75])
+    equal = runs([small] * 2, [base] * 2)
+    assert across(equal, over=("damping ratio (%)", [0.2, 0.1])) == ("damping ratio (%)", [0.1, 0.2])
+    with pytest.raises(fi.InputError, match=r"over = 'none': .* the value of each run"):
+        across(equal)
+    with pytest.raises(fi.InputError, match=r"must be words and a value for each of 2 runs"):
+        across(equal, over=("damping", [1.0, 2.0, 3.0]))
+    with pytest.raises(fi.InputError, match=r"over = \[1.0, 2.0\]: must be words"):
+        across(equal, over=[1.0, 2.0])
+
+
 def test_a_line_joins_what_repeats_and_what_scatters_is_dots(curves):
     empty, with_ball = curves
     steadiness = np.array(["periodic"] * 4 + ["statistical"] * 5 + ["failed", "periodic"])
@@ -681,7 +725,7 @@ def test_figures_over_frequency_have_the_axes_of_the_trade():
     found = fi.spectrum(run)
     axis = fi.figures.spectrum(found, ax=off)
     assert (axis.get_xscale(), axis.get_yscale()) == ("log", "log")
-    assert axis.get_ylabel().replace("\n", " ") == "spectral density of tip.absolute acceleration, g²/Hz"
+    assert axis.get_ylabel().replace("\n", " ") == "spectral density of tip absolute acceleration, g²/Hz"
     # a straight density of 0.5 (m/s^2)^2/Hz of the base is that over 9.80665^2
     np.testing.assert_allclose(axis.get_lines()[0].get_ydata(), found.values[1:] / 9.80665**2)
     exact = fi.transfer_function(system, [1.0, 2.0, 10.0])

@@ -260,3 +260,49 @@ def test_a_line_force_beside_a_base_keeps_its_work_apart_and_words_name_it():
     stepped = fi.integrate(system, drives, fi.MoreauJean(1e-4), 0.4, record)
     wanted = np.interp(stepped.time, run.time, run["tip"])
     np.testing.assert_allclose(stepped["tip"], wanted, atol=0.02 * np.abs(wanted).max())
+
+
+def test_the_page_for_a_course(ran):
+    names, printed, said = ran("course")
+    assert printed[1:] == said[1:]
+    assert printed[0].partition(";")[0] == said[0].partition(";")[0] == "4:2 periodic"
+    np.testing.assert_allclose(numbers(printed[0]), numbers(said[0]), rtol=1e-3)
+    # closed forms and what is computed, as the page prints them
+    assert numbers(printed[1]) == pytest.approx(numbers(printed[2]), rel=1e-6)
+    assert [numbers(row)[0] for row in printed[3:5]] == [numbers(row)[0] for row in printed[5:7]]
+    overshoot, exact = numbers(printed[7])
+    assert overshoot == pytest.approx(exact, abs=1e-4)
+    assert len(set(names["runs"][-1].stroboscopic()["ball"][-50:].round(6))) > 10  # no short period at the end
+    assert Path("ruler.gif").read_bytes()[:3] == b"GIF"
+    page = (ROOT / "docs" / "howto" / "course.md").read_text(encoding="utf-8")
+    assert len(page.split()) <= 900
+
+
+def test_a_phase_portrait_reaches_the_stop():
+    # between two readings the tip meets it: the instants of the table of impacts are corners of the curve
+    ruler = fi.Beam.uniform(length=0.3, width=0.025, thickness=1e-3, young_modulus=210e9, density=7850)
+    stop = fi.Stop("stop", at="tip", gap=(5e-3, np.inf), contact=fi.Rigid(restitution=0.7))
+    structure = fi.Structure(ruler, stops=[stop], damping=fi.Rayleigh(ratio=0.02, modes=(1, 2)))
+    system = fi.reduce(fi.assemble(structure, elements=10), modes=2)
+    record = fi.Recorder(channels=("tip", "tip.velocity"))
+    run = fi.integrate(system, fi.Sine(2e-3, 12.0), fi.EventDriven(), 15.0, record)
+    curve = fi.figures.phase_portrait(run, ax=fi.figures.OffScreen()).lines[0]
+    start = run.time[-1] - 40 / 12.0
+    last = run.impacts.time > start
+    at_wall = np.flatnonzero(np.abs(curve.get_xdata() - 5.0) < 1e-6)
+    # each impact is a line from the speed before it to that after it
+    jumps = np.split(at_wall, np.flatnonzero(np.diff(at_wall) > 1) + 1)
+    assert len(jumps) == np.count_nonzero(last)
+    rates = np.abs([curve.get_ydata()[[jump[0], jump[-1]]] for jump in jumps])
+    speeds = np.stack([run.impacts.approach_speed[last], run.impacts.rebound_speed[last]], axis=1)
+    np.testing.assert_allclose(rates, 1e3 * speeds, rtol=1e-6)
+    np.testing.assert_allclose(rates[:, 1] / rates[:, 0], 0.7, rtol=1e-6)
+    # what is not there has no line
+    drawn = [line.get_label() for axis in fi.figures.energies(run, fi.figures.OffScreen()) for line in axis.lines]
+    assert "contacts" in drawn
+    assert "balls" not in drawn
+    still = fi.reduce(fi.assemble(replace(structure, stops=()), elements=10), modes=2)
+    bare = fi.integrate(still, fi.Sine(2e-3, 12.0), fi.EventDriven(), 1.0, record)
+    drawn = [line.get_label() for axis in fi.figures.energies(bare, fi.figures.OffScreen()) for line in axis.lines]
+    assert not {"balls", "contacts", "lost in the contacts"} & set(drawn)
+    assert "lost in the structure" in drawn

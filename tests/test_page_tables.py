@@ -8,6 +8,9 @@ import math
 from pathlib import Path
 from types import SimpleNamespace
 
+import femimpact as fi
+from femimpact.app.study.study_file import study_schema
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -21,6 +24,25 @@ def loaded(path):
 
 def test_pages_have_the_tables_of_their_files():
     assert loaded(ROOT / "docs" / "make_tables.py").main(check=True) == []
+
+
+def test_the_schema_is_the_same_whether_or_not_a_docstring_was_read():
+    assert fi.PointMass.__doc__.count("Must be") > 2
+    body = study_schema()
+    assert "Must be" not in str(body["properties"]["mass"])
+
+
+def test_the_reference_has_every_key_and_every_command_as_plain_markdown():
+    # what the pages hold, `test_pages_have_the_tables_of_their_files` compares with the schema and the help
+    keys, commands = (
+        (ROOT / "docs" / "reference" / f"{name}.md").read_text(encoding="utf-8")
+        for name in ("study_file", "command_line")
+    )
+    assert "{include}" not in keys + commands
+    assert '| `report` | `true` or `false` or `"short"` |' in keys
+    assert "| `begin` | number | s | `0.0` | >= 0 | When it begins. |" in keys
+    assert "amplitude of the base's" not in keys
+    assert "## femimpact run\n" in commands
 
 
 def test_benchmarks_write_the_tables_of_the_page(tmp_path):

@@ -28,8 +28,10 @@ from test_report import fetched, section, text_of
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.report.result_conclusions import study_lead
+from femimpact.app.report.structure_drawing import gap_words
 from femimpact.app.tasks.study_command import plan_of_cases
-from femimpact.figures.study_labels import measure_names, unsure_cells
+from femimpact.figures.study_labels import measure_names, path_words, unsure_cells
+from femimpact.units import counted, name_words
 
 pytestmark = pytest.mark.impacts
 
@@ -341,3 +343,23 @@ def test_nothing_is_said_of_a_beam_without_balls_where_the_axes_vary_the_beam(tm
     )
     write_parameter_study(given, tmp_path)
     assert "Without ball" not in Parsed(text_of(tmp_path)).text
+
+
+def test_words_of_a_report_are_words():
+    assert path_words("impactor.ball.at") == "place of ball"
+    assert name_words("root.surface_stress") == "root surface stress"
+    assert name_words("0.12.absolute_acceleration") == "0.12 absolute acceleration"
+    assert (counted(1, "mode"), counted(3, "mode")) == ("1 mode", "3 modes")
+    ball = fi.Impactor("ball", at="root", mass=5e-3, gap=(50e-3, 0.0), contact=fi.Rigid(0.5))
+    assert gap_words(ball) == "gaps +50 mm, \N{MINUS SIGN}0 mm"
+
+
+def test_the_largest_of_a_largest_value_is_said_once():
+    values = xarray.DataArray([0.1, 0.3], dims="impactor.ball.at", attrs={"units": "m/s", "better": "small"})
+    place = xarray.DataArray([0.1, 0.2], dims="impactor.ball.at", attrs={"units": "m"})
+    data = xarray.Dataset({"largest_approach_speed": values}, coords={"impactor.ball.at": place}, attrs={"starts": 1})
+    data["finished"] = ("impactor.ball.at", [1, 1])
+    data["periodic_starts"] = data["failed_starts"] = 0 * data["finished"]
+    (one,) = study_conclusions(data, {}, {"largest_approach_speed": "no two designs agree"})
+    assert one.label == "Largest approach speed"
+    assert one.note.startswith("at place of ball 200 mm; no best case: no two designs agree; ")

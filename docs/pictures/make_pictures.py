@@ -12,12 +12,23 @@ import runpy
 import shutil
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PAGES = ("README", "calibration", "measured_base", "own_mesh", "parameter_studies", "root_stress", "two_balls")
+PAGES = (
+    "README",
+    "calibration",
+    "course",
+    "measured_base",
+    "own_mesh",
+    "parameter_studies",
+    "root_stress",
+    "two_balls",
+)
 EXAMPLES = ("absorber_or_ball", "design_map")
 """Whose pictures pages show."""
 MESHES = {f"beam_{n}.msh": ROOT / "meshes" / f"graded_{n}.msh" for n in (6, 12, 24, 48)}
@@ -42,9 +53,12 @@ def prepare(page: Path, folder: Path) -> None:
             shutil.copyfile(source, folder / name)
 
 
-def ran(*pages: Path) -> dict[str, Any]:
-    """Names that the Python of pages leaves, their blocks run one after another in the current directory."""
-    names: dict[str, Any] = {}
+def ran(*pages: Path, names: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
+    """Names that the Python of pages leaves, their blocks run one after another in the current directory.
+
+    Before the first block there are the names of a script from which the pages go on.
+    """
+    names = dict(names)
     for page in pages:
         exec(compile("\n".join(blocks(page, "python")), str(page), "exec"), names)
     return names

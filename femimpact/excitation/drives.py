@@ -183,7 +183,9 @@ class HammerBlow(WithoutCycle, BaseAtRest):
     impulse : float, N s
         Its sign is that of the force.
     duration : float, s
+        Of the half sine.
     begin : float, s
+        When it begins.
     name : str, optional
         Among several drives, without a dot or a slash; see `Drives`.
     """

@@ -27,7 +27,7 @@ from femimpact.figures.drawing import (
 )
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse, on_grid
-from femimpact.units import number_text, prefixed
+from femimpact.units import name_words, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,7 +206,7 @@ def _observed(curve: FrequencyResponse) -> str:
     """Name and unit of what a curve is of."""
     place, unit = curve.at, _scale(curve)[1]
     if isinstance(place, str) and (curve.unit != "m" or "." in place):
-        return f"{place.replace('.', ' ').replace('_', ' ')} ({unit})"
+        return f"{name_words(place)} ({unit})"
     place = place if isinstance(place, str) else f"{1e3 * place:.4g} mm from the root,"
     return f"{place} displacement relative to the base ({unit})"
 

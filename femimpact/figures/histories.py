@@ -72,10 +72,12 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
     if ledger is None:
         raise InputError([Fault("response.energy", None, "", "must be kept: Recorder(ledger=True)")])
     axes = panels(figure, 8.0, 7.4, 3, 1, sharex=True)[:, 0]
+    # no line of what is not there
+    balls, contacts = bool(response.system.balls), bool(response.system.contacts)
     stored = (
         ("beam: kinetic + strain", ledger.kinetic + ledger.strain, COLOURS[0]),
-        ("balls", ledger.ball, ORANGE),
-        ("contacts", ledger.contact, GREEN),
+        *(("balls", ledger.ball, ORANGE),) * balls,
+        *(("contacts", ledger.contact, GREEN),) * contacts,
     )
     # of several drives that of each
     drives = zip(ledger.work_of.items(), (PURPLE, SKY, *COLOURS), strict=False)
@@ -84,7 +86,7 @@ def energies(response: Response, figure: FigureBase | OffScreen | None = None) -
         *((f"work of {'the base' if name == 'base' else name}", values, colour) for (name, values), colour in drives),
         ("stored", ledger.stored - ledger.stored[0], GREY),
         ("lost in the structure", ledger.structure_loss, COLOURS[0]),
-        ("lost in the contacts", ledger.contact_loss, ORANGE),
+        *(("lost in the contacts", ledger.contact_loss, ORANGE),) * contacts,
     )
     for axis, rows in ((axes[0], stored), (axes[1], since)):
         largest = max(float(np.abs(values).max()) for _, values, _ in rows)

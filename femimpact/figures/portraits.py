@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import instance, items, optional, quantity, require, suggestion, takes
+from femimpact.errors import checked, column, instance, items, optional, quantity, require, suggestion, takes
+from femimpact.excitation.excitation import LineLoad, is_force
 from femimpact.figures.drawing import (
     BLUE,
     CYCLES,
@@ -31,7 +32,7 @@ from femimpact.figures.drawing import (
 )
 from femimpact.response.channels import channel_key
 from femimpact.response.response import Response
-from femimpact.units import prefixed
+from femimpact.units import name_words, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +48,9 @@ POINTS = 1024
 
 def corners_of(
     response: Response,
-    pair: str,  # name of the ball
+    pair: str,  # name of the ball or the stop
 ) -> Corners:
-    """Instants (s) at which a ball touches a wall of its box; its place there (m), its rate (m/s) before and after.
+    """Instants (s) at which a ball or the beam touches a wall; its place there (m), its rate (m/s) before and after.
 
     The table of impacts holds both speeds. After the touch of a compliant contact the rate is as before it; how deep
     the ball is when that contact ends is not in the table.
@@ -287,12 +288,16 @@ def phase_portrait(
     require_history(response)
     pair, names, minus = _drawn_channels(response, None if of is None else channel_key(of, "of"))
     start, window = last_cycles(response, cycles)
-    x, rate = _curve(response, start, names, minus, None if pair is None else pair.name)
+    stops = [] if pair is not None else _stops_at(response, names[0])
+    met = pair or next(iter(stops), None)
+    x, rate = _curve(response, start, names, minus, None if met is None else met.name)
     drawn = phase if np.isfinite(response.base.phase) else None
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x, rate, color=BLUE, linewidth=0.7)
-    if pair is None:
-        _stops(axis, response, names[0])
+    for stop in stops:
+        for wall in (1e3 * stop.gaps[0], -1e3 * stop.gaps[1]):
+            if math.isfinite(wall):
+                axis.axvline(wall, color="black", linewidth=1.4, label=stop.name)
     if drawn is not None:
         section = response.stroboscopic(drawn)
         once = section.time >= start
@@ -349,7 +354,7 @@ def _pair(
 
 
 def _curve(
-    response: Response, start: float, names: tuple[str, ...], minus: tuple[str, ...], ball: str | None
+    response: Response, start: float, names: tuple[str, ...], minus: tuple[str, ...], met: str | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The history from a time (s) on in mm and mm/s, drawn as often as a smooth curve takes."""
     x, rate = _pair(response.channels, names, minus)
@@ -360,8 +365,8 @@ def _curve(
     if not known:
         return x[last], rate[last]
     corners = None
-    if ball is not None:
-        at, *others = corners_of(response, ball)
+    if met is not None:
+        at, *others = corners_of(response, met)
         place, before, after = (1e3 * values for values in others)
         corners = (at, place, before, after)
     samples = (time.size - 1) / ((time[-1] - time[0]) * response.base.frequency)
@@ -380,13 +385,10 @@ def _walls(axis: Any, pair: Any, x: NDArray[np.float64]) -> None:
     axis.set_xlim(low, high)
 
 
-def _stops(axis: Any, response: Response, place: str) -> None:
+def _stops_at(response: Response, place: str) -> list[Any]:
     """Stops that move with the base at a place."""
-    for pair in response.system.contacts:
-        if pair.is_stop and pair.fixed_to == "base" and place_of(response, pair) == place:
-            for wall in (1e3 * pair.gaps[0], -1e3 * pair.gaps[1]):
-                if math.isfinite(wall):
-                    axis.axvline(wall, color="black", linewidth=1.4, label=pair.name)
+    stops = [pair for pair in response.system.contacts if pair.is_stop and pair.fixed_to == "base"]
+    return [pair for pair in stops if place_of(response, pair) == place]
 
 
 @takes(responses=items(Response), phase=quantity("rad"))
@@ -395,26 +397,31 @@ def bifurcation(
     channel: str | float | None = None,
     phase: float = 0.0,
     ax: Axes | OffScreen | None = None,
+    *,
+    over: tuple[str, ArrayLike] | None = None,
 ) -> Axes:
-    """A channel once per base cycle over the base frequency, in the last third of each run.
+    """A channel once per base cycle over a number that differs between runs, in the last third of each run.
 
-    A motion of period k of the base leaves k points at its frequency, a chaotic one a cloud.
+    A motion of period k of the base leaves k points at its number, a chaotic one a cloud.
 
     Parameters
     ----------
     responses : sequence of Response
-        One for each frequency.
+        One for each value of the number.
     channel : str or float, optional
         The first one recorded by default.
     phase : float, rad
         Of the base; see `Response.stroboscopic`.
     ax : Axes, optional
         Drawn on; those of a new pyplot figure by default.
+    over : pair of str and array_like (n,), optional
+        Words of the axis and the value of each run, as ("damping ratio (%)", [0.1, 0.2]). By default the first number
+        that differs of the drive's frequency and amplitude and of each ball's or stop's gap, restitution and mass.
 
     Raises
     ------
     InputError
-        If there is no run, or one holds no history of the channel.
+        If there is no run, if one holds no history of the channel, or if none of these numbers differs.
     """
     require(len(responses) > 0, "responses", "none", "", "must be one or more runs")
     for response in responses:
@@ -422,10 +429,43 @@ def bifurcation(
     name = channel_name(responses[0], channel)
     sections = [response.stroboscopic(phase) for response in responses]
     last = [s[name][s.time >= r.window[0]] for s, r in zip(sections, responses, strict=True)]
-    frequency = np.repeat([r.base.frequency for r in responses], [values.size for values in last])
+    words, numbers = _varied(responses, over)
+    across = np.repeat(numbers, [values.size for values in last])
     values, unit = scaled(np.concatenate(last), responses[0].units[name])
     axis = panel(ax, 8.0, 5.0)
-    axis.plot(frequency, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
+    axis.plot(across, values, ".", color=BLUE, markersize=2.5, markeredgewidth=0.0)
     title = f"last third of each run, base at {math.degrees(phase):.4g} degrees"
-    label_axes(axis, "base frequency (Hz)", f"{name.replace('_', ' ')} once per cycle ({unit})", title)
+    label_axes(axis, words, f"{name_words(name)} once per cycle ({unit})", title)
     return axis
+
+
+def _varied(responses: Sequence[Response], over: Any) -> tuple[str, Array]:
+    """Words and values of the first number that differs between runs, or of one that is given; of one run the first."""
+    if over is not None:
+        pair = isinstance(over, (tuple, list)) and len(over) == 2 and np.size(over[1]) == len(responses)
+        allowed = f'must be words and a value for each of {len(responses)} runs, as ("damping ratio (%)", [0.1, 0.2])'
+        require(pair and isinstance(over[0], str), "over", over, "", allowed)
+        return over[0], checked("over[1]", over[1], column("", "runs", finite=True))
+    numbers = [_numbers(response) for response in responses]
+    columns = {words: np.array([each.get(words) for each in numbers], dtype=float) for words in numbers[0]}
+    differ = [words for words, values in columns.items() if np.all(np.isfinite(values)) and np.ptp(values) > 0.0]
+    allowed = "must be words and the value of each run: no frequency, amplitude, gap, restitution or mass differs"
+    require(bool(differ) or len(responses) == 1, "over", "none", "", allowed)
+    words = [*differ, *columns][0]
+    return words, columns[words]
+
+
+def _numbers(response: Response) -> dict[str, Any]:
+    """Numbers of a run that may differ from those of another, by their words for an axis."""
+    drive: Any = response.base
+    words, level = "amplitude of the base (mm)", 1e3 * drive.amplitude
+    if is_force(drive):
+        words = "factor on the force" if isinstance(drive.at, LineLoad) else "amplitude of the force (N)"
+        level = drive.history.amplitude
+    numbers: dict[str, Any] = {"base frequency (Hz)": drive.frequency, words: level}
+    for pair in response.system.contacts:
+        for gap, side in zip(pair.gaps, ("", ", - side"), strict=True):
+            numbers[f"gap of {pair.name}{side} (mm)"] = 1e3 * gap
+        numbers[f"restitution of {pair.name}"] = getattr(pair.law, "restitution", None)
+        numbers[f"mass of {pair.name} (g)"] = 1e3 * pair.mass
+    return numbers

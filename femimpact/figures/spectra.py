@@ -31,7 +31,7 @@ from femimpact.signals.densities import spectrum as spectrum_of
 from femimpact.signals.shock_response import ShockResponseSpectrum
 from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Position
-from femimpact.units import GRAVITY, number_text, prefixed
+from femimpact.units import GRAVITY, name_words, number_text, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +99,7 @@ def spectrum(
         axis.set(yscale="log", ylim=(max(0.5 * float(low.min()), DECADES * float(high.max())), None))
     plain_log_ticks(axis.xaxis)
     title = f"lines {number_text(psd.resolution, 3)} Hz apart, Hann windows, band: {100 * psd.confidence:g} % interval"
-    label = f"spectral density of {psd.channel.replace('_', ' ')}, {psd.unit.replace('^2', '²')}"
+    label = f"spectral density of {name_words(psd.channel)}, {psd.unit.replace('^2', '²')}"
     label_axes(axis, "frequency (Hz)", label, title)
     legend_above(axis)
     return axis
@@ -123,7 +123,7 @@ def _amplitudes(axis: Axes, lines: Spectrum, base: Any, highest: float | None) -
         # of a channel at rest there is no logarithm
         axis.set(yscale="log", ylim=(factor * max(float(values.max()) * DECADES, float(values.min())), None))
     axis.set_xlim(0.0, top)
-    label_axes(axis, "frequency (Hz)", f"amplitude of {lines.channel.replace('_', ' ')} ({unit})", title)
+    label_axes(axis, "frequency (Hz)", f"amplitude of {name_words(lines.channel)} ({unit})", title)
     legend_above(axis)
     return axis
 

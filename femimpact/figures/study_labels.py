@@ -64,6 +64,7 @@ def path_words(path: str) -> str:
     """Words for a number of a study by its path, as "gap of ball" for impactor.ball.gap."""
     owner, _, rest = path.partition(".")
     part, _, name = rest.replace("contact.", "").rpartition(".")
+    name = "place" if name == "at" else name
     whose = part if owner in ("impactor", "absorber", "stop") else f"{owner} {part}".strip().replace(".", " ")
     return (f"{name} of {whose}" if rest else path).replace("_", " ")
 

@@ -122,7 +122,7 @@ class Branch:
     multipliers : ndarray (points, 2(n+balls)), 1
         Of each orbit, as of `PeriodicOrbit`.
     peak : ndarray (points,), m
-        Largest displacement of the system's default place, relative to the base.
+        Largest displacement of the place, relative to the base where its name says nothing else.
     first_harmonic : ndarray (points,), m
         Its component at the frequency of the excitation, a sum over 512 samples in the period of an orbit and at least
         64 in a cycle: exact to some 1e-5 of the peak, 1e-4 with 64.
@@ -133,7 +133,7 @@ class Branch:
     bifurcation_points : ndarray (bifurcations,) of int
         Numbers of these points, from 0.
     place : str
-        The default place, of which the displacement is.
+        The place, ball or other channel, of which the displacement is.
     curve : Curve or None
         Equations of the branch, for `at` and `orbits`; none of a branch from a file.
     unknowns : ndarray (points, unknowns), 1, or None
@@ -297,7 +297,9 @@ class _Orbits(Sequence[PeriodicOrbit]):
 
 @warns
 @takes(orbit=instance(PeriodicOrbit), points=quantity("1", at_least=2, at_most=10**6, integer=True))
-def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float], *, points: int = 2000) -> Branch:
+def continue_orbit(
+    orbit: PeriodicOrbit, parameter: str, to: tuple[float, float], *, points: int = 2000, of: str | None = None
+) -> Branch:
     """The branch of periodic orbits through one of them, over a number of excitation, contacts, balls or damping.
 
     Followed both ways by pseudo-arclength: states, phases and the parameter are unknown together, so that a fold is a
@@ -320,6 +322,9 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
         Range of the parameter in which the branch is followed, with the orbit's own value in it.
     points : int
         Most points to each side of the orbit, itself among them.
+    of : str, optional
+        Place, ball or other displacement, as of `Recorder.channels`, whose largest value is kept. The default place;
+        the first ball's in space, "ball.absolute_displacement", where no ball meets the beam, as at the root.
 
     Returns
     -------
@@ -331,7 +336,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     Raises
     ------
     InputError
-        If the system has no such number, or it changes the modes.
+        If the system has no such number or displacement, or the number changes the modes.
 
     Examples
     --------
@@ -348,7 +353,7 @@ def continue_orbit(orbit: PeriodicOrbit, parameter: str, to: tuple[float, float]
     False
     """
     sine = one_sine(orbit.excitation)
-    number = parameter_of(orbit.system, sine, parameter)
+    number = parameter_of(orbit.system, sine, parameter, of)
     low, high = _range(number, to)
     guess = first_guess(orbit.system, sine, orbit.cycles, orbit)
     length = length_of(number.hybrid, guess.states)
@@ -412,7 +417,7 @@ def _branch(curve: Curve, followed: list[Followed], end: tuple[str, str]) -> Bra
             made(Bifurcation, kind=followed[i].kind, value=float(values[i]), point=points[i]) for i in numbers
         ),
         bifurcation_points=np.array(numbers, dtype=np.int64),
-        place=curve.parameter.at(curve.parameter.value)[0].default_place,
+        place=curve.parameter.place,
         curve=curve,
         unknowns=np.array([point.x for point in points]),
     )

@@ -30,7 +30,7 @@ from femimpact.figures.portraits import ContactRow, phase_portrait
 from femimpact.figures.study_labels import path_words
 from femimpact.orbits.branch import Branch
 from femimpact.orbits.orbit import PeriodicOrbit, period_of
-from femimpact.units import prefixed
+from femimpact.units import counted, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +90,10 @@ def branch(
     axis, first = panel(ax, 8.0, 5.0), branches[0]
     factor, unit = prefix_of([each.values for each in branches], first.unit)
     of_peak, unit_of_peak = prefix_of([*(each.peak for each in branches), *runs[1:]], "m")
-    words = parameter_words(first.parameter, unit), f"largest displacement of {first.place} ({unit_of_peak})"
+    place, _, read = first.place.rpartition(".")
+    # of a place in metres the dot is that of the number
+    of = f"{read.replace('_', ' ')} of {place}" if place and read[0].isalpha() else f"displacement of {first.place}"
+    words = parameter_words(first.parameter, unit), f"largest {of} ({unit_of_peak})"
     for old, new in zip((axis.get_xlabel(), axis.get_ylabel()), words, strict=True):
         require(old in ("", new), "ax", old, "", f"must have no other axis than {new}: draw branches in one call")
     for each in branches:
@@ -190,15 +193,11 @@ def orbit(
     row = ContactRow(response, pair)
     row.draw(over_time, response.time >= 0.0, close=True)
     over_time.set(xlabel="time (s)", ylabel=f"relative to the base ({row.unit})")
-    frequency, modes = f"{orbit.excitation.frequency:.6g} Hz", _count(system.dofs, "mode")
-    over_time.set_title(f"{_count(orbit.cycles, 'cycle')} at {frequency}, {modes}", loc="left")
+    frequency, modes = f"{orbit.excitation.frequency:.6g} Hz", counted(system.dofs, "mode")
+    over_time.set_title(f"{counted(orbit.cycles, 'cycle')} at {frequency}, {modes}", loc="left")
     legend_above(over_time)
     _multipliers(orbit, plane)
     return np.array([[portrait, over_time, plane]])
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _multipliers(orbit: PeriodicOrbit, axis: Any) -> None:

@@ -115,7 +115,7 @@ class Followed:
 
     point: Point
     kind: str = ""  # of its bifurcation
-    # m: largest displacement of the default place and its first harmonic, where its own run confirms the orbit
+    # m: largest displacement of the place and its first harmonic, where its own run confirms the orbit
     peak: float = math.nan
     first_harmonic: float = math.nan
 
@@ -496,7 +496,8 @@ def runs_of(system: System, points: list[Point]) -> list[OwnRun]:
     parameter = points[0].curve.parameter
     # where the parameter is in the matrices, the closed forms of each differ
     systems = [parameter.at(point.value)[0] for point in points] if parameter.of_matrices else [system]
-    return own_runs(systems, parameter.at(parameter.value)[1], [point.solution for point in points])
+    excitation, solutions = parameter.at(parameter.value)[1], [point.solution for point in points]
+    return own_runs(systems, excitation, solutions, place=parameter.place or None)
 
 
 def _is_slow(point: Point, run: OwnRun) -> bool:

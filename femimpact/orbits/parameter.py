@@ -17,11 +17,12 @@ import scipy.special
 from femimpact.arrays import own
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
 from femimpact.contact.laws import KelvinVoigt, Rigid
-from femimpact.errors import changed, quantity, require, require_type, suggestion
+from femimpact.errors import changed, faults_of, quantity, require, require_type, suggestion
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.excitation import LineLoad
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
+from femimpact.response.channels import resolve_channels
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System, with_checked_fields, with_checked_pairs
 
@@ -53,12 +54,13 @@ class Parameter:
     hybrid_at: Callable[[Any], HybridSystem]  # of a real or a complex value
     at: Callable[[float], tuple[System, Sine | PointForce]]
     of_matrices: bool = False  # whether masses or damping differ at other values
+    place: str = ""  # name of the displacement whose largest value is kept
 
 
-def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Parameter:
-    """The parameter of a path.
+def parameter_of(system: System, excitation: Sine | PointForce, path: Any, of: Any = None) -> Parameter:
+    """The parameter of a path, and the displacement whose largest value is kept.
 
-    Raises `InputError` if the system has no such number, or it is none that a branch follows.
+    Raises `InputError` if the system has no such number or displacement, or the number is none that a branch follows.
     """
     require_type(path, str, "parameter")
     hybrid = hybrid_system(system, excitation)
@@ -66,7 +68,14 @@ def parameter_of(system: System, excitation: Sine | PointForce, path: Any) -> Pa
     found = known.get(SHORT.get(path, path))
     require(found is not None, "parameter", path, "", "" if found else _refusal(system, path, [*known, *SHORT]))
     assert found is not None
-    return found
+    walls = [pair for pair in system.contacts if pair.has_walls]
+    if of is None and walls and not any(pair.is_stop or np.any(pair.direction) for pair in walls):
+        # no ball meets the beam; in its box each has the gap for its largest displacement
+        of = f"{walls[0].name}.absolute_displacement"
+    with faults_of("of"):
+        (channel,) = resolve_channels(system, (system.default_place if of is None else of,))
+    require(channel.unit == "m", "of", of, channel.unit, "must be a displacement")
+    return replace(found, place=channel.name)
 
 
 def _refusal(system: System, path: str, known: list[str]) -> str:

@@ -61,7 +61,10 @@ TRY = "try a run that has settled for longer, a start nearer to the orbit, or an
 BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, SEPARATE: SEPARATING}
 """Contact state, without the side, of a pair before an event of each kind that an orbit may have."""
 
-STICKS = "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for"
+STICKS = (
+    "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for; try another "
+    "amplitude, frequency or gap, or in Python fi.State(ball_displacement=[...], ball_velocity=[...]) off the wall"
+)
 
 
 @warns

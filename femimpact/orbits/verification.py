@@ -16,13 +16,14 @@ from femimpact.errors import DivergenceError, InputError, changed, made
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import impacts_of
-from femimpact.integrators.channel_rows import drive_of
+from femimpact.integrators.channel_rows import Drive, channel_rows, drive_of
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
-from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_of
+from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone
 from femimpact.orbits.equations import SECTION, EventStates, Solution, asymmetry, may_be_symmetric, product, state_unit
 from femimpact.orbits.motion import IMPACT, SEPARATE, TOUCH
 from femimpact.orbits.orbit import PeriodicOrbit, state_of
+from femimpact.response.channels import resolve_channels
 from femimpact.response.cycles import CycleStatistics, steady_motion
 from femimpact.response.impacts import CYCLE_COLUMNS, EventLog, Impacts, event_log
 from femimpact.system.state import ROUNDED
@@ -66,7 +67,7 @@ class OwnRun:
     log: EventLog
     phases: Array  # rad: of the drive at the events of the log
     missed: float  # by which it misses its start, in units; infinite where its events did not end
-    # m: largest displacement of the default place, and its component at the frequency of the excitation
+    # m: largest displacement of the place, and its component at the frequency of the excitation
     peak: float
     first_harmonic: float
     impacts: Impacts | None  # that begin within the period, if they were asked for
@@ -287,6 +288,7 @@ def own_runs(
     excitation: Sine | PointForce,  # of one of them
     solutions: Sequence[Solution],  # of the same events
     most_impacts: int = 0,  # of one alone: what is kept of them
+    place: str | None = None,  # whose peak is found; the default place where it is None
 ) -> list[OwnRun]:
     """Runs over one period of some orbits in one compiled call, each from where nothing is in contact, if it ever is.
 
@@ -299,7 +301,7 @@ def own_runs(
     starts, phase, first = zip(*(one.motion.start() for one in solutions), strict=True)
     state, d = np.array(starts), hybrids[0].mass.size
     drives = [drive_of(each, excitation) for each in systems]
-    store = FormStore(systems, drives, [_outputs(systems[0], d)] * len(systems))
+    store = FormStore(systems, drives, [_outputs(systems[0], drives[0], d, place)] * len(systems))
     inputs = Inputs(
         omega=np.array([hybrid.omega for hybrid in hybrids]),
         amplitude=np.array([[hybrid.drive] for hybrid in hybrids], dtype=complex),
@@ -354,14 +356,15 @@ def own_runs(
     return list(map(OwnRun, [each.events for each in solutions], first, logs, at_events, *read))
 
 
-def _outputs(system: System, d: int) -> Outputs:
-    """The default place, whose peak is found, then all coordinates and their rates."""
-    place, pairs = outputs_of(system, system.point_row(system.default_place)), len(system.contacts)
-    nothing, each = np.zeros((d, d)), np.eye(d)
+def _outputs(system: System, drive: Drive, d: int, place: str | None) -> Outputs:
+    """The displacement whose peak is found, then all coordinates and their rates."""
+    channels = resolve_channels(system, (place or system.default_place,))
+    first = outputs_alone(system, channel_rows(system, drive, channels, springs_apart=True), drive)
+    pairs, nothing, each = len(system.contacts), np.zeros((d, d)), np.eye(d)
     return Outputs(
-        np.concatenate([place.position, each, nothing]),
-        np.concatenate([place.rate, nothing, each]),
+        np.concatenate([first.position, each, nothing]),
+        np.concatenate([first.rate, nothing, each]),
         np.zeros((1 + 2 * d, pairs)),
-        np.zeros((place.drive.shape[0], 1 + 2 * d)),
+        np.hstack([first.drive, np.zeros((first.drive.shape[0], 2 * d))]),
         np.zeros(1 + 2 * d),
     )

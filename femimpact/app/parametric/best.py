@@ -148,7 +148,7 @@ def best_cases(
             found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else (worst_over,)))
             break
         except InputError as error:
-            reasons[name] = " ".join(str(error).split())
+            reasons[name] = " ".join(str(error).split()).removeprefix("dataset: ")
     if plan is not None and reasons:
         reasons |= {name: f"[study.best] asks for {plan.measure}" for name in known if name not in reasons}
     return found, reasons
@@ -328,7 +328,7 @@ class _Designs:
         require(self.counts.size > 1, "dataset", "one design", "", "has nothing to choose between")
         designs = _numbered([self.codes[axis] for axis in sorted(self.chosen)], count).max() + 1
         other = f", or name {'it' if len(self.given) == 1 else 'them'} in worst_over" if designs < count else ""
-        allowed = f"has no two designs that agree in {', '.join(self.given)}: study a grid, or a list in which some do"
+        allowed = f"no two designs agree in {', '.join(self.given)}: study a grid, or a list in which some do"
         require(bool((np.bincount(self.level) > 1).any()), "dataset", None, "", f"{allowed}{other}")
         values = _numbered([self.codes[axis] for axis in self.worst], count).max() + 1
         of_base = any(axis.startswith(NO_DESIGN) for axis in self.worst)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femimpact.figures.study_labels import STATISTICS, BestMarks, axis_words
-from femimpact.units import number_text, unit_text, value_text
+from femimpact.units import name_words, number_text, unit_text, value_text
 
 if TYPE_CHECKING:
     import xarray
@@ -164,7 +164,7 @@ class BestCase:
 def label_of(best: BestCase) -> str:
     """What its value is, as "smallest worst peak"."""
     worst = "worst " if best.worst_over else ""
-    return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{best.measure.replace('_', ' ')}"
+    return f"{'largest' if best.better == 'large' else 'smallest'} {worst}{name_words(best.measure)}"
 
 
 def more_designs(best: BestCase) -> str:
@@ -311,7 +311,7 @@ def worst_over_axes(dataset: xarray.Dataset, best: BestCase) -> xarray.Dataset |
             where = dict(zip(dims, np.unravel_index(design.case, dataset["finished"].shape), strict=True))
             is_best[tuple(where[name] for name in dims if name not in over)] = True
     found["is_best"] = ([name for name in dims if name not in over], is_best)
-    of_worst = f"worst {best.measure.replace('_', ' ')} over {' and '.join(axis_words(dataset, name) for name in over)}"
+    of_worst = f"worst {name_words(best.measure)} over {' and '.join(axis_words(dataset, name) for name in over)}"
     median = ", median over the starts" if best.starts > 1 else ""
     if over:
         found[best.measure].attrs["long_name"] = f"{of_worst}{median}"

@@ -14,7 +14,7 @@ import numpy as np
 from femimpact.app.report.markup import Child, Element, element, markup
 from femimpact.files import atomic_write
 from femimpact.sweep.curve import ONE_START
-from femimpact.units import MINUS, NO_NUMBER, typeset_number
+from femimpact.units import MINUS, NO_NUMBER, name_words, typeset_number
 
 MOST_ROWS = 200
 """Rows of a table that a report shows."""
@@ -149,7 +149,7 @@ def table_of(
     """The first rows of columns as a table."""
     # a unit is not divided
     known = {name: f" ({unit})".replace(" ", "\u00a0")[1:] for name, unit in units.items() if unit not in ("", "1")}
-    header = tuple(f"{name.replace('_', ' ')} {known.get(name, '')}".rstrip(" ") for name in columns)
+    header = tuple(f"{name_words(name)} {known.get(name, '')}".rstrip(" ") for name in columns)
     arrays = [np.asarray(values) for values in columns.values()]
     count = min((array.shape[0] for array in arrays), default=0)
     rows = tuple(zip(*(array[:most].tolist() for array in arrays), strict=False))

@@ -27,7 +27,9 @@ from femimpact.figures.study_labels import axis_names, axis_words, measure_names
 from femimpact.orbits.figures import MARKS, kind_words
 from femimpact.units import (
     SHOWN_IN,
+    counted,
     interval_texts,
+    name_words,
     number_text,
     prefixed,
     quantity_text,
@@ -100,10 +102,11 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     one = not (carried.endswith("s") or " and " in carried)
     verb = f"{'lower' if lower else 'raise'}{'s' * one}"
     factor = number_text(ratio if lower else 1.0 / ratio, 3)
+    times = "practically the same" if factor == "1" else f"{factor} times {'less' if lower else 'more'}"
     return (
         f"The {carried} {verb} the largest motion of the tip from {quantity_text(empty.peak_amplitude, 'm', 3)} at "
         f"{number_text(empty.peak_frequency, 3)} Hz to {quantity_text(peak, 'm', 3)} at "
-        f"{number_text(frequency, 3)} Hz: {factor} times {'less' if lower else 'more'}."
+        f"{number_text(frequency, 3)} Hz: {times}."
     )
 
 
@@ -138,7 +141,7 @@ def _orbits(findings: Findings) -> list[Conclusion]:
     places = {(each.kind, f"{each.value:.9g}") for branch in orbits.branches for each in branch.bifurcations}
     kinds = Counter(kind for kind, _ in places)
     details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
-    note = f"over {orbits.parameter}, on {orbits.modes} modes; {stable} of them with stable orbits"
+    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {stable} of them with stable orbits"
     return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
@@ -481,7 +484,8 @@ def study_conclusions(
             if values.attrs.get("better") == "small":
                 (word, at), (other, end) = (other, end), (word, at)
             rest = f"no best case: {reasons[name]}; the {other} of all cases is {_text(array[end], values.attrs)}"
-        label = f"{word.capitalize()} {name.replace('_', ' ')}"
+        # not "largest largest approach speed"
+        label = f"{word.capitalize()} {name_words(name).removeprefix(f'{word} ')}"
         conclusions.append(_of_case(data, name, at, label, f"at {_place(data, values.dims, at)}; {rest}"))
     return tuple(conclusions)
 

@@ -62,7 +62,7 @@ from femimpact.scene.placed import placed_structure
 from femimpact.signals.transfer import transfer_function
 from femimpact.system.modes import mode_columns, solve_modes
 from femimpact.system.system import without_impactors
-from femimpact.units import PARAMETER_DIGITS, unit_text
+from femimpact.units import PARAMETER_DIGITS, counted, unit_text
 
 if TYPE_CHECKING:
     import xarray
@@ -332,7 +332,8 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
         low, high = (unit_text(value, findings.orbits.unit) for value in study.orbits.range)
         drive = words_of(study.excitation)
         sentences.append(f"Periodic orbits over {findings.orbits.parameter} from {low} to {high}; drive: {drive}.")
-    kept = f"on {study.reduction.modes} modes" if study.reduction is not None else "in physical degrees of freedom"
+    modes = None if study.reduction is None else study.reduction.modes
+    kept = "in physical degrees of freedom" if modes is None else f"on {counted(modes, 'mode')}"
     steps = f", step {1e3 * findings.step:.4g} ms" if findings.step is not None else ""
     sentences.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
     return [text for text in sentences if text]
@@ -523,7 +524,7 @@ def _orbits(results: ResultReading) -> Beside:
     parameter = followed.branches[0].parameter
     more = ": one mode more moves windows that are some 0.01 Hz wide" if parameter == "base.frequency" else ""
     return [
-        f"On {followed.modes} modes{more}. At stable orbits every small disturbance decays.",
+        f"On {counted(followed.modes, 'mode')}{more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
         branch_table(followed, FILES["branch_table"].name),
         *_of_file(results, "bifurcations", partial(_bifurcation_table, parameter)),

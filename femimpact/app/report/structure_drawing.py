@@ -58,7 +58,9 @@ def gap_words(one: Contact) -> str:
         return f"gaps {in_words(plus)}"
     if math.isinf(plus) or math.isinf(minus):
         return f"gap {in_words(min(plus, minus))} on the {MINUS if math.isinf(plus) else '+'} side"
-    return f"gaps +{in_words(plus)}, {MINUS}{in_words(minus)}"
+    factor, unit = prefixed(max(abs(plus), abs(minus)), "m")
+    above, below = (typeset_number(factor * gap, 4) for gap in (plus, minus))
+    return f"gaps +{above} {unit}, {MINUS}{below} {unit}"
 
 
 NO_AXES: Mapping[str, Sequence[str]] = {}

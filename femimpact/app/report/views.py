@@ -38,6 +38,7 @@ from femimpact.signals.densities import Spectrum, drive_history, remarks, spectr
 from femimpact.signals.estimates import measured_transfer
 from femimpact.signals.shock_response import ShockResponseSpectrum, shock_response_spectrum
 from femimpact.signals.transfer import TransferFunction
+from femimpact.units import counted
 
 if TYPE_CHECKING:
     import xarray
@@ -175,7 +176,7 @@ VIEWS = (
     View(
         "orbits", FollowedBranches, "branches", file="branch_table",
         figure=lambda followed: figures.branch(
-            followed.branches, OFF_SCREEN, title=f"{followed.modes} modes kept", swept=followed.swept
+            followed.branches, OFF_SCREEN, title=f"{counted(followed.modes, 'mode')} kept", swept=followed.swept
         ),
     ),
     View("orbits", Branch, "branch", lambda one: figures.branch(one, OFF_SCREEN), title="Largest displacement"),

@@ -138,7 +138,8 @@ _COLUMNS = {
 
 def _meanings(noun: Any) -> dict[str, str]:
     """Meaning of each field, from the Parameters section of a noun's docstring."""
-    text = inspect.getdoc(noun) or ""
+    # without the ranges that are in the docstring once the package has shown it: the schema has them beside it
+    text = inspect.cleandoc(getattr(vars(noun).get("__doc__"), "words", noun.__doc__) or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text, re.MULTILINE | re.DOTALL)
     found: dict[str, str] = {}
     for names, words in re.findall(
@@ -182,7 +183,8 @@ KIND_WORDS = "the kind of motion or force"
 
 OF_HISTORY = {
     "duration": "Duration of the simulated history; absent, that of the motion, of a sum its longest.",
-    "start": "At rest relative to the base, at rest in the inertial frame, or in the static state.",
+    "start": "At rest relative to the base, at rest in the inertial frame, or in the static state; a ball elsewhere by "
+    "the axes start.NAME.position and start.NAME.speed of [study].",
     "at": "Named place, or metres from the root.",
     "density": "Force per length along the beam, in place of at; the level is then a factor, 1 by default.",
     "name": 'Without a dot; by default "force 1", "force 2" and so on in their order.',

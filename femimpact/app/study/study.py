@@ -199,6 +199,8 @@ class OrbitsPlan:
         Branches that are followed at most, that of the first orbit included.
     points : int
         Most points of a branch to each side of the orbit from which it is followed.
+    of : str
+        Displacement whose largest value is kept, as a channel. Absent: the tip, or of a ball in space at the root.
 
     Raises
     ------
@@ -213,6 +215,7 @@ class OrbitsPlan:
     switch: tuple[str, ...] = field(default=(), metadata=KINDS)
     most_branches: int = field(default=10, metadata=quantity("1", at_least=1, at_most=1000, integer=True))
     points: int = field(default=2000, metadata=quantity("1", at_least=2, at_most=10**6, integer=True))
+    of: str | None = field(default=None, metadata=optional(name_text()))
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -42,7 +42,6 @@ from femimpact.app.study.study import AsRead, Gravity, MeshChoice, OrbitsPlan, O
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
 from femimpact.errors import Fault, InputError, changed, require_path, suggestion
-from femimpact.excitation.drives import HammerBlow, PointForce
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
@@ -505,17 +504,9 @@ def _base_lines(header: str, study: Study) -> Iterator[str]:
     return _table_lines(header, table | {key: value for key, (value, default) in given.items() if value != default})
 
 
-def _force_lines(header: str, force: PointForce | HammerBlow) -> Iterator[str]:
-    return _table_lines(header, force_table(force))
-
-
 def _given(noun: Any) -> dict[str, Any]:
     """Fields of a noun that are not as they are by default."""
     return Kind(type(noun)).table(noun)
-
-
-def _gravity_lines(header: str, acceleration: float) -> Iterator[str]:
-    return _table_lines(header, {"acceleration": acceleration})
 
 
 def _table_lines(header: str, values: Mapping[str, Any]) -> Iterator[str]:
@@ -592,10 +583,17 @@ TABLES: Mapping[str, _Table] = {
     "dashpot": _of(Dashpot, "structure.dashpots", many=True),
     "absorber": _of(Absorber, "structure.absorbers", many=True),
     "damping": _Table("structure.damping", _damping, damping_schema),
-    "gravity": _Table("structure.gravity", _gravity, partial(noun_schema, Gravity), _gravity_lines),
+    "gravity": _Table(
+        "structure.gravity",
+        _gravity,
+        partial(noun_schema, Gravity),
+        lambda header, g: _table_lines(header, {"acceleration": g}),
+    ),
     "reduction": _of(Reduction, "reduction"),
     "base": _Table("", _base, base_schema, _base_lines, required=True),
-    "force": _Table("forces", _force, force_schema, _force_lines, many=True),
+    "force": _Table(
+        "forces", _force, force_schema, lambda header, force: _table_lines(header, force_table(force)), many=True
+    ),
     "method": _Table("method", _method, method_schema, _table_lines),
     "sweep": _of(SweepPlan, "sweep"),
     "orbits": _of(OrbitsPlan, "orbits"),

@@ -240,12 +240,9 @@ def _work(response: Response) -> dict[str, Any]:
         return {}
     energy = response.energy
     each = {name: float(work[-1]) for name, work in energy.work_of.items()}
-    return {"work": float(energy.work[-1]), "work_of": each or {drive_name(response.base): float(energy.work[-1])}}
-
-
-def drive_name(excitation: Any) -> str:
-    """Name of a single drive, as it would have among several."""
-    return Drives(forces=(excitation,)).names[0] if is_force(excitation) else "base"
+    # a single drive has the name that it would have among several
+    name = Drives(forces=(response.base,)).names[0] if is_force(response.base) else "base"
+    return {"work": float(energy.work[-1]), "work_of": each or {name: float(energy.work[-1])}}
 
 
 def channel_summary(response: Response) -> dict[str, ChannelSummary]:

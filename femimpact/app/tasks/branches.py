@@ -47,7 +47,7 @@ LOCATED = 1e-9
 """Relative difference of the values of one bifurcation that two branches share."""
 
 IN_STUDY = {
-    "to": "orbits.range", "parameter": "orbits.parameter", "duration": "orbits.guess_duration",
+    "to": "orbits.range", "parameter": "orbits.parameter", "of": "orbits.of", "duration": "orbits.guess_duration",
     "cycles": "orbits.cycles", "record.memory_limit": "output.memory_limit",
 }  # fmt: skip
 """Keys of the study file that stand for arguments of the functions that are called."""
@@ -98,7 +98,7 @@ def prepare_orbits(study: Study) -> PreparedOrbits:
         allowed = "needs one sine, of the base or of a force beside a base at rest"
         require(False, "orbits", words_of(study.excitation), "", allowed)
     with _study_words():
-        number = parameter_of(small, sine, plan.parameter)
+        number = parameter_of(small, sine, plan.parameter, plan.of)
     for value in plan.range:
         checked("orbits.range", value, number.allowed)
     inside = plan.range[0] <= number.value <= plan.range[1]
@@ -198,7 +198,7 @@ def _follow(
                 left.append(origin)
                 continue
             if not number:
-                branch = continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points)
+                branch = continue_orbit(orbit, plan.parameter, to=plan.range, points=plan.points, of=plan.of)
                 done.branches.append(branch)
                 done.origins.append(origin)
                 done.cycles.append(orbit.cycles)
@@ -307,7 +307,7 @@ def _sweep(ready: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
     try:
         swept = frequency_sweep(
             small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), ready.prepared.method,
-            given.cycles, initial=study.initial, at=small.default_place, ledger=False,
+            given.cycles, channel=ready.number.place, initial=study.initial, at=small.default_place, ledger=False,
             progress=lambda share: report("sweep", share),
         )  # fmt: skip
     except FemimpactError as error:

@@ -38,6 +38,7 @@ from femimpact.response.response import Recorder
 from femimpact.structure.structure import Position
 from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.system import System
+from femimpact.units import counted
 
 MESHES = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 """Elements of uniform meshes."""
@@ -247,7 +248,7 @@ def _statistics(study: Study, meshes: OverMeshes, at: str, accuracy: float, repo
     finished = _tables("statistics", {"statistics_over_mesh": tables["mesh"]})
     words = (
         f"statistics: means over {watched.starts} phases of the base, {watched.cycles} cycles each, event-driven on "
-        f"{modes} modes or fewer"
+        f"{counted(modes, 'mode')}{' or fewer' * (modes > 1)}"
     )
     return replace(finished, findings=joined(finished.findings, Findings(notes=(words,))))
 
