@@ -68,9 +68,13 @@ if TYPE_CHECKING:
     import xarray
 
 
+SHEET = "sheet.html"
+"""Name of the report on one sheet of paper: it leaves the report as it is."""
+
+
 def write_report(
     directory: str | Path,
-    path: str | Path | None = None,  # of the file; `report.html` beside the results without one
+    path: str | Path | None = None,  # of the file; without one `report.html`, or `sheet.html`, beside the results
     short: bool = False,  # on one sheet of paper
 ) -> Path:
     """Write the report of a directory of results.
@@ -85,7 +89,7 @@ def write_report(
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
         page = page_of(read_results(folder), short=short)
-        return write_page(folder / REPORT if path is None else Path(path), page)
+        return write_page(folder / (SHEET if short else REPORT) if path is None else Path(path), page)
 
 
 def _holds_results(directory: Path) -> bool:
