@@ -151,7 +151,7 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
     single = single_samples(dataset)
     if single.any():
-        star = {"color": DARK, "markersize": 9.0, "label": _star_words(dataset)}
+        star: dict[str, Any] = {"color": DARK, "markersize": 9.0, "label": _star_words(dataset)}
         entries.append(axis.plot(x[single], factor * values[single], "*", **star)[0])
     texts, step = words or tick_texts(x), float(np.diff(np.unique(x)).min(initial=np.inf))
     room = LETTERS * axis.get_window_extent().width / axis.figure.dpi
@@ -431,7 +431,7 @@ def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     if "is_best" in dataset:
         entries.append(Patch(fill=False, edgecolor=OUTLINE, linewidth=2.0, label=OUTLINED))
     if single_samples(dataset).any():
-        star = {"color": DARK, "marker": "$*$", "markersize": 7.0, "label": _star_words(dataset)}
+        star: dict[str, Any] = {"color": DARK, "marker": "$*$", "markersize": 7.0, "label": _star_words(dataset)}
         entries.append(Line2D([], [], linestyle="none", **star))
     if unsure_cells(dataset, measure).any():
         corner = [(-1, 1), (1, 1), (-1, -1)]
