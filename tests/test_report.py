@@ -507,6 +507,7 @@ def test_a_study_on_a_page_names_its_drive_and_takes_the_axes_of_the_worst(tmp_p
         cards[name] = f"Smallest worst peak{1e3 * best.designs[0].value:.4g}"
         assert cards[name].replace(" ", "") in text.replace(" ", "")
         assert "a sine of the base, amplitude 0.2 mm, frequency as its axis has it" in text
+        assert ("The worst counts over" in text) == bool(best.worst_over)
     assert cards[()] != cards[worst]
     with pytest.raises(fi.InputError, match="worst_over"):
         fi.report(tmp_path / "r.html", {"Study": data}, worst_over=("impactor.ball.mass",))

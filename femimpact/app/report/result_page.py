@@ -257,14 +257,19 @@ def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Me
     ][:1]
 
 
+def worst_words(data: xarray.Dataset, case: BestCase | None) -> Iterator[str]:
+    """Over which axes the worst counts; nothing of a study without such axes."""
+    if case is not None and case.worst_over:
+        yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
+
+
 def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> Iterator[str]:
     """Over which axes the worst counts, and the worst peak without balls beside that of the best case."""
     data, study = results.parameter_study, results.study
     case = next(iter(best.values()), None)
     if data is None or case is None:
         return
-    if case.worst_over:
-        yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
+    yield from worst_words(data, case)
     design, axes = case.designs[0], set(axis_names(data))
     of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
     if study is None or case.measure != "peak" or design.reason or not of_balls:

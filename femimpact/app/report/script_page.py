@@ -34,7 +34,7 @@ from femimpact.app.report.result_conclusions import (
     study_missing,
     study_versions,
 )
-from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures
+from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures, worst_words
 from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
@@ -169,7 +169,11 @@ def report(
         title=title,
         answer=_compared(curves) or answer_of(Findings(), conclusions),
         foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
-        lead=tuple(text for part in studies.values() for text in study_lead(part)),
+        lead=tuple(
+            text
+            for heading, part in studies.items()
+            for text in (*study_lead(part), *worst_words(part, next(iter(best[heading][0].values()), None)))
+        ),
         drawing=_drawing(structure, responses),
         conclusions=conclusions,
         missing=_of_studies(studies, study_missing),
