@@ -440,7 +440,7 @@ def report(directory: Path, *, short: bool = False, to: ToFile = NO_FILE, quiet:
     Parameters
     ----------
     short
-        On one sheet of paper, without paths and residuals.
+        On one sheet of paper, without paths and residuals: `sheet.html` beside the report.
     """
     from femimpact.app.report.result_page import write_report
 

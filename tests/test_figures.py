@@ -611,6 +611,8 @@ def test_a_map_has_a_star_at_values_of_one_start_and_says_what_it_means():
     assert [text.get_text() for text in axis.texts] == ["0.1", "0.5", "0.25*", "1"]
     assert legend_words(axis) == ["one start's value: the motion is not periodic"]
     assert axis.get_title(loc="left") == "rms"
+    several = fi.figures.study(table(values, **cells).assign_attrs(starts=8), "m")
+    assert legend_words(several) == ["not periodic: median of 8 starts"]
 
 
 def test_print_for_a_projector_is_larger_in_a_picture_of_the_same_pixels(run, tmp_path):

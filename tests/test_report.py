@@ -479,6 +479,13 @@ def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):
     assert f"{1e3 * first.peak_amplitude:.4g} mm" in text
     # on a card each, and on their pictures
     assert text.count("has not died out") == 5
+    # of two curves of one unit the answer is the ratio, whichever is larger
+    half = replace(first, peak=first.peak / 2)
+    for curves, words in (({"a": first, "b": half}, "2 times less"), ({"b": half, "a": first}, "2 times more")):
+        two = fi.report(tmp_path / "two.html", curves).read_text(encoding="utf-8")
+        assert f"{words}.</p>" in two.partition('class="answer">')[2]
+    mixed = fi.report(tmp_path / "two.html", {"a": first, "root": stress}).read_text(encoding="utf-8")
+    assert "times" not in mixed.partition('class="answer">')[2].partition("</p>")[0]
     assert "one sample" not in text
 
 
@@ -500,6 +507,7 @@ def test_a_study_on_a_page_names_its_drive_and_takes_the_axes_of_the_worst(tmp_p
         cards[name] = f"Smallest worst peak{1e3 * best.designs[0].value:.4g}"
         assert cards[name].replace(" ", "") in text.replace(" ", "")
         assert "a sine of the base, amplitude 0.2 mm, frequency as its axis has it" in text
+        assert ("The worst counts over" in text) == bool(best.worst_over)
     assert cards[()] != cards[worst]
     with pytest.raises(fi.InputError, match="worst_over"):
         fi.report(tmp_path / "r.html", {"Study": data}, worst_over=("impactor.ball.mass",))
@@ -630,6 +638,10 @@ def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(
     # the same by the command and by the key of a study
     app(["report", str(results), "--short", "-o", str(results / "again.html")], result_action="return_value")
     assert (results / "again.html").read_text(encoding="utf-8") == text
+    # without a path it leaves the report as it is
+    full = text_of(results)
+    assert write_report(results, short=True) == results / "sheet.html"
+    assert text_of(results) == full
 
 
 def test_a_study_asks_for_its_sheet_and_other_words_are_refused(tmp_path):
@@ -653,7 +665,19 @@ def test_orbits_branches_spectra_preflights_and_figures_are_parts_of_a_page(tmp_
     }
     preflight = fi.preflight(system, base, duration=60.0)
     text = fi.report(tmp_path / "page.html", {**parts, "A test": preflight}).read_text(encoding="utf-8")
+    alone = {
+        name: fi.report(tmp_path / "one.html", {name: part}).read_text(encoding="utf-8")
+        for name, part in {**parts, "A test": preflight}.items()
+    }
     pyplot.close("all")
+    answers = {name: one.partition('class="answer">')[2].partition("</p>")[0] for name, one in alone.items()}
+    assert f"{1e3 * orbit.steady().peak.max():.4g} mm, stable, period" in answers["An orbit"]
+    stable, count = int(parts["A branch"].is_stable.sum()), len(parts["A branch"])
+    assert f"Hz, {stable} of {count} orbits stable" in answers["A branch"]
+    assert "at 5.3 Hz" in answers["A transfer function"]
+    assert "Limits that are passed" in answers["A test"]
+    assert 'class="answer"' not in alone["A figure of mine"]
+    assert 'id="conclusions"' not in alone["A figure of mine"]
     keys = [f"part-{number}" for number in range(1, 6)]
     assert [section(text, key).count('class="picture"') for key in keys] == [1, 1, 1, 1, 0]
     assert section(text, "part-5").count("<tr>") == 1 + len(preflight.rows)

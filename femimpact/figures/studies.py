@@ -153,8 +153,8 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
                                 label="value" if starts == 1 else f"median of {starts} starts")[0])  # fmt: skip
     single = single_samples(dataset)
     if single.any():
-        meaning = ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
-        entries.append(axis.plot(x[single], factor * values[single], "*", color=DARK, markersize=9.0, label=meaning)[0])
+        star: dict[str, Any] = {"color": DARK, "markersize": 9.0, "label": _star_words(dataset)}
+        entries.append(axis.plot(x[single], factor * values[single], "*", **star)[0])
     texts, step = words or tick_texts(x), float(np.diff(np.unique(x)).min(initial=np.inf))
     room = LETTERS * axis.get_window_extent().width / axis.figure.dpi
     if words is not None or (1 + max(map(len, texts))) * np.ptp(x) <= room * step:
@@ -234,7 +234,7 @@ def _maps(
     lines += [f"at {', '.join(_told(dataset, name, index) for name, index in middle.items())}"] if middle else []
     # of what is drawn: a map has fewer neighbours than the dataset
     lines += [f"corner marked: {UNSURE}"] if any(unsure_cells(cells, measure).any() for cells in maps) else []
-    lines += [f"*: {ONE_START}"] if any(single_samples(cells).any() for cells in maps) else []
+    lines += [f"*: {_star_words(dataset)}"] if any(single_samples(cells).any() for cells in maps) else []
     if lines:
         axes[0, 0].figure.suptitle("\n".join(lines), fontsize=10.0)
     return axes
@@ -419,6 +419,12 @@ def _write_numbers(axis: Axes, table: Array, bright: NDArray[np.bool_], samples:
                           color="black" if bright[i, j] else "white")  # fmt: skip
 
 
+def _star_words(dataset: xarray.Dataset) -> str:
+    """What a star means: a value of one start, or of several starts their median."""
+    starts = int(dataset.attrs.get("starts", 1))
+    return ONE_START if starts == 1 else f"not periodic: median of {starts} starts"
+
+
 def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     """Legend of stars and marked corners, where there are any."""
     from matplotlib.lines import Line2D
@@ -428,7 +434,8 @@ def _map_legend(axis: Axes, dataset: xarray.Dataset, measure: str) -> None:
     if "is_best" in dataset:
         entries.append(Patch(fill=False, edgecolor=OUTLINE, linewidth=2.0, label=OUTLINED))
     if single_samples(dataset).any():
-        entries.append(Line2D([], [], color=DARK, marker="$*$", markersize=7.0, linestyle="none", label=ONE_START))
+        star: dict[str, Any] = {"color": DARK, "marker": "$*$", "markersize": 7.0, "label": _star_words(dataset)}
+        entries.append(Line2D([], [], linestyle="none", **star))
     if unsure_cells(dataset, measure).any():
         corner = [(-1, 1), (1, 1), (-1, -1)]
         entries.append(Line2D([], [], color=DARK, marker=corner, markersize=7.0, linestyle="none", label=UNSURE))

@@ -287,7 +287,8 @@ def write_page(path: Path, page: Page) -> Path:
 def page_bytes(page: Page) -> bytes:
     """A report as the bytes of its file."""
     structure = [] if page.drawing is None else [Section("structure", "The structure", (page.drawing,))]
-    sections = [_found(page), *page.first, *structure, *page.sections]
+    found = _found(page)
+    sections = [*([found] if found.content else ()), *page.first, *structure, *page.sections]
     links = [element("li", element("a", section.heading, href=f"#{section.key}")) for section in sections]
     head = element(
         "head",
@@ -301,7 +302,7 @@ def page_bytes(page: Page) -> bytes:
     )
     body = element(
         "body.sheet" if page.short else "body",
-        element("a.skip", "to the conclusions", href="#conclusions"),
+        element("a.skip", "to the conclusions", href="#conclusions") if found.content else None,
         element(
             "header",
             element("p.maker", "femimpact"),
@@ -340,7 +341,8 @@ def _found(page: Page) -> Section:
             explained = kind == "warnings" and not page.short
             where = element("p", f"What each means and what to do: {WARNINGS_PAGE}") if explained else None
             content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind), where))
-    if not content:
+    # a command's results are asked for their numbers, the parts of a script are not
+    if not content and page.by:
         content.append(element("p", "No numbers were found that could stand here."))
     return Section("conclusions", "What was found", tuple(content))
 

@@ -68,9 +68,13 @@ if TYPE_CHECKING:
     import xarray
 
 
+SHEET = "sheet.html"
+"""Name of the report on one sheet of paper: it leaves the report as it is."""
+
+
 def write_report(
     directory: str | Path,
-    path: str | Path | None = None,  # of the file; `report.html` beside the results without one
+    path: str | Path | None = None,  # of the file; without one `report.html`, or `sheet.html`, beside the results
     short: bool = False,  # on one sheet of paper
 ) -> Path:
     """Write the report of a directory of results.
@@ -85,7 +89,7 @@ def write_report(
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
         page = page_of(read_results(folder), short=short)
-        return write_page(folder / REPORT if path is None else Path(path), page)
+        return write_page(folder / (SHEET if short else REPORT) if path is None else Path(path), page)
 
 
 def _holds_results(directory: Path) -> bool:
@@ -253,14 +257,19 @@ def best_measures(data: xarray.Dataset, best: Mapping[str, BestCase]) -> list[Me
     ][:1]
 
 
+def worst_words(data: xarray.Dataset, case: BestCase | None) -> Iterator[str]:
+    """Over which axes the worst counts; nothing of a study without such axes."""
+    if case is not None and case.worst_over:
+        yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
+
+
 def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> Iterator[str]:
     """Over which axes the worst counts, and the worst peak without balls beside that of the best case."""
     data, study = results.parameter_study, results.study
     case = next(iter(best.values()), None)
     if data is None or case is None:
         return
-    if case.worst_over:
-        yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
+    yield from worst_words(data, case)
     design, axes = case.designs[0], set(axis_names(data))
     of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
     if study is None or case.measure != "peak" or design.reason or not of_balls:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from femimpact.app.report.result_conclusions import (
     study_missing,
     study_versions,
 )
-from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures
+from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures, worst_words
 from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
@@ -56,7 +56,9 @@ from femimpact.errors import (
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
+from femimpact.integrators.planned_drive import PreflightRow
 from femimpact.orbits.branch import Branch
+from femimpact.orbits.figures import kind_words
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
@@ -67,7 +69,7 @@ from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Structure
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
-from femimpact.units import typeset_number
+from femimpact.units import number_text, quantity_text, typeset_number
 
 MOST_PLAYERS = 3
 """Responses of a page that have a player."""
@@ -161,12 +163,17 @@ def report(
         *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
         *_of_curves(curves),
         *_of_responses(responses),
+        *(one for heading, part in parts.items() for one in _of_record(heading, part)),
     )
     page = Page(
         title=title,
-        answer=answer_of(Findings(), conclusions),
+        answer=_compared(curves) or answer_of(Findings(), conclusions),
         foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
-        lead=tuple(text for part in studies.values() for text in study_lead(part)),
+        lead=tuple(
+            text
+            for heading, part in studies.items()
+            for text in (*study_lead(part), *worst_words(part, next(iter(best[heading][0].values()), None)))
+        ),
         drawing=_drawing(structure, responses),
         conclusions=conclusions,
         missing=_of_studies(studies, study_missing),
@@ -244,6 +251,49 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
             residual = typeset_number(100 * float(one.energy.residual), 2)
             found.append(Conclusion(f"Energy unaccounted for, {heading}", residual, "%", note="of the energy put in"))
     return found
+
+
+def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
+    """What an orbit, a branch, a transfer function, a calibration or a planned test says; of another part nothing."""
+    if isinstance(part, PeriodicOrbit):
+        kind, largest = "stable" if part.is_stable else "unstable", float(np.abs(part.multipliers).max(initial=0.0))
+        note = f"{kind}, period {typeset_number(part.period)} s, largest multiplier {typeset_number(largest)}"
+        yield number_conclusion(f"Largest motion, {heading}", float(np.max(part.steady().peak)), "m", note=note)
+    elif isinstance(part, Branch):
+        ends = " to ".join(typeset_number(end) for end in (part.values.min(), part.values.max()))
+        changes = [f"{kind_words(one.kind)} at {typeset_number(one.value)}" for one in part.bifurcations]
+        stable = f"{int(part.is_stable.sum())} of {len(part)} orbits stable"
+        swept = part.parameter.rpartition(".")[2].replace("_", " ")
+        yield Conclusion(f"Range of {swept}, {heading}", ends, part.unit, note=", ".join((stable, *changes)))
+    elif isinstance(part, TransferFunction):
+        for name, values in part.values.items():
+            gain = np.where(np.isfinite(values), np.abs(values), -np.inf)
+            if gain.max(initial=-np.inf) >= 0.0:
+                label, note = f"Largest {name} over {part.of}", f"at {typeset_number(part.frequency[gain.argmax()])} Hz"
+                yield number_conclusion(f"{label}, {heading}", float(gain.max()), part.units[name], note=note)
+    elif isinstance(part, Calibration):
+        for one in part.parameters:
+            interval = f"90 % interval {typeset_number(one.low)} to {typeset_number(one.high)}"
+            note = f"the interval reaches its bound: {one.bound}" if one.bound else interval
+            unit = "" if one.unit == "1" else one.unit
+            yield Conclusion(f"{one.path}, {heading}", typeset_number(one.median), unit, note=note)
+    elif any(isinstance(row, PreflightRow) for row in getattr(part, "rows", ())):
+        names = [row.what for row in part.rows if row.passed]
+        yield Conclusion(f"Limits that are passed, {heading}", str(len(names) or "none"), note=", ".join(names))
+
+
+def _compared(curves: Mapping[str, FrequencyResponse]) -> str:
+    """The largest peaks of two curves of one unit beside each other; empty for others."""
+    peaks = [one for one in curves.items() if np.any(np.isfinite(one[1].peak))]
+    if len(peaks) != 2 or peaks[0][1].unit != peaks[1][1].unit or not all(one.peak_amplitude > 0 for _, one in peaks):
+        return ""
+    first, second = (
+        f"{quantity_text(one.peak_amplitude, one.unit, 3)} at {number_text(one.peak_frequency, 3)} Hz ({name})"
+        for name, one in peaks
+    )
+    ratio = peaks[0][1].peak_amplitude / peaks[1][1].peak_amplitude
+    factor, kind = (ratio, "less") if ratio >= 1.0 else (1.0 / ratio, "more")
+    return f"Largest peak from {first} to {second}: {number_text(factor, 3)} times {kind}."
 
 
 # ---- parts ----------------------------------------------------------------------------------------
