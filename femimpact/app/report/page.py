@@ -341,9 +341,6 @@ def _found(page: Page) -> Section:
             explained = kind == "warnings" and not page.short
             where = element("p", f"What each means and what to do: {WARNINGS_PAGE}") if explained else None
             content.append(element(f"div.said.{kind}", element("h3", heading), list_element(texts, kind), where))
-    # a command's results are asked for their numbers, the parts of a script are not
-    if not content and page.by:
-        content.append(element("p", "No numbers were found that could stand here."))
     return Section("conclusions", "What was found", tuple(content))
 
 

@@ -68,6 +68,8 @@ if TYPE_CHECKING:
     import xarray
 
 
+NO_NUMBERS = "No numbers were found that could stand here."
+
 SHEET = "sheet.html"
 """Name of the report on one sheet of paper: it leaves the report as it is."""
 
@@ -152,6 +154,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
     given_title, by = _head(*head)
+    warnings = result_warnings(results)
     page = Page(
         title=given_title or title,
         by=by,
@@ -161,8 +164,8 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
         drawing=drawing,
         conclusions=conclusions,
         missing=tuple(results.missing),
-        warnings=result_warnings(results),
-        notes=findings.notes,
+        warnings=warnings,
+        notes=findings.notes or (() if conclusions or results.missing or warnings else (NO_NUMBERS,)),
         sections=tuple(sections),
         first=(*first, *_next_step(results.folder)),
     )
