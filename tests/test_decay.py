@@ -416,3 +416,12 @@ def test_a_full_disk_leaves_neither_of_the_files_of_identify(tmp_path, monkeypat
     assert not list(tmp_path.rglob("*identify*.*"))
     femimpact("identify", "ring.csv", cwd=tmp_path)
     assert {path.name for path in tmp_path.rglob("*identify*.*")} == {"identify.json", "identify.png"}
+
+
+@pytest.mark.parametrize(("rate", "driven"), [(0.02, True), (2e-3, True), (-0.02, False)])
+def test_a_ratio_that_is_not_positive_is_said_to_be_of_a_driven_motion(rate, driven):
+    t = np.arange(0.0, 20.0, 4e-3)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    estimate = fi.identify_decay(t, np.exp(rate * t) * np.sin(50.0 * t) + noise)
+    assert estimate.modes[0].damping_ratio == pytest.approx(-rate / 50.0, abs=3e-5)
+    assert any("it is driven, and no free decay" in text for text in estimate.warnings) == driven
