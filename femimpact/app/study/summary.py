@@ -88,7 +88,7 @@ def _curve_summary(
     even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
     resolution = _resolution(curve, fit)
-    grid = (curve.frequency[even], curve.peak[even])
+    grid = (curve.frequency[even], curve.peak_at_one_level[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     peaks = () if empty is None else (empty.damping, empty.peak_amplitude, curve.peak_amplitude)
     return CurveSummary(
