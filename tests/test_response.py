@@ -254,7 +254,7 @@ def test_steady_motion_of_a_settled_linear_run(reference):
     assert steady.first_harmonic[0] == pytest.approx(np.sqrt(2) * steady.rms[0], rel=1e-4)
     assert steady.steadiness[0] == "periodic"
     # cycles of 58 and 59 samples, as of instants that do not divide a cycle
-    uneven = fi.integrate(system, fi.Sine(3e-4, 10.0), fi.EventDriven(), 6.0, fi.Recorder(interval=1.7e-3))
+    uneven = fi.integrate(system, fi.Sine(3e-4, 10.0), fi.EventDriven(), 12.0, fi.Recorder(interval=1.7e-3))
     assert uneven.steady.steadiness[0] == "periodic"
 
 
