@@ -625,6 +625,19 @@ def test_the_answer_of_a_sweep_says_what_the_ball_does():
     assert "8 times more" in answer_of(Findings(sweep=larger), ())
 
 
+def test_two_runs_named_without_and_with_are_compared(tmp_path):
+    system = fi.without_impactors(reduced(REFERENCE, 1, 6))
+    one, half = (
+        fi.integrate(system, fi.Shock("half-sine", acceleration=a, duration=0.05), fi.EventDriven(), 2.0)
+        for a in (1.0, 0.5)
+    )
+    page = fi.report(tmp_path / "page.html", {"Without ball": one, "With ball": half}).read_text(encoding="utf-8")
+    words = page[page.index("The ball lowers the rms of the tip from ") :].partition("<")[0]
+    assert words.count("2 times less") == 2
+    other = fi.report(tmp_path / "other.html", {"Without ball": one, "With balls": half}).read_text(encoding="utf-8")
+    assert "times less" not in other
+
+
 @pytest.mark.usefixtures("empty_pictures")
 def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(results):
     text = write_report(results, results / "sheet.html", True).read_text(encoding="utf-8")

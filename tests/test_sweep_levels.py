@@ -36,6 +36,33 @@ def test_each_frequency_has_its_level() -> None:
     assert one.peak[0] == pytest.approx(curve.peak[2], rel=1e-12)
 
 
+@pytest.mark.parametrize("level", [0.4, ((4.0, 0.1), (5.0, 0.3), (6.0, 3.0))])
+def test_damping_is_that_of_the_curve_over_the_motion_of_the_base(level: Any) -> None:
+    frequencies = np.linspace(4.0, 6.0, 161)
+    method: Any = fi.EventDriven()
+    curve = fi.frequency_sweep(oscillator(), frequencies=frequencies, method=method, cycles=600, acceleration=level)
+    assert (curve.damping.ratio, curve.damping.frequency) == (
+        pytest.approx(0.01, rel=1e-4),
+        pytest.approx(5.0, rel=1e-6),
+    )
+    # half-power has the error of straight lines between the points
+    assert curve.damping_half_power.ratio == pytest.approx(0.01, rel=0.02)
+    # the peaks as they are do not have that ratio
+    assert abs(fi.fit_one_pole(curve.frequency, curve.peak).ratio - 0.01) > 2e-5
+
+
+def test_a_fit_knows_what_of_the_base_is_held() -> None:
+    f = np.linspace(4.0, 6.0, 161)
+    per_acceleration = np.abs(fi.transfer_function(oscillator(), f, to="tip")["tip"])
+    fits = {held: fi.fit_one_pole(f, per_acceleration, held=held) for held in ("acceleration", "displacement")}
+    right, wrong = fits["acceleration"], fits["displacement"]
+    assert (right.ratio, right.frequency) == (pytest.approx(0.01, rel=1e-9), pytest.approx(5.0, rel=1e-9))
+    assert right.warnings == ()
+    assert abs(wrong.ratio - 0.01) > 2e-5
+    with pytest.raises(fi.InputError, match="held"):
+        fi.fit_one_pole(f, per_acceleration, held="velocity")
+
+
 def study(tmp_path: Path, acceleration: str) -> fi.app.Study:
     text = Path(__file__).parent.parent.joinpath("femimpact/app/paper.toml").read_text(encoding="utf-8")
     text = text.replace('name = "newmark"', 'name = "event-driven"').replace("elements = 40", "elements = 8")

@@ -27,6 +27,7 @@ from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     TRANSIENT,
     answer_of,
+    answer_of_runs,
     number_conclusion,
     study_conclusions,
     study_failures,
@@ -39,7 +40,7 @@ from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.findings import Findings
-from femimpact.app.study.summary import kind_of_peak, peak_of_history
+from femimpact.app.study.summary import kind_of_peak, peak_of_history, rms_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import (
     Fault,
@@ -167,7 +168,7 @@ def report(
     )
     page = Page(
         title=title,
-        answer=_compared(curves) or answer_of(Findings(), conclusions),
+        answer=_compared(curves) or _answer_of(responses) or answer_of(Findings(), conclusions),
         foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
         lead=tuple(
             text
@@ -187,6 +188,14 @@ def report(
         ),
     )
     return write_page(file, page)
+
+
+def _answer_of(responses: Mapping[str, Response]) -> str:
+    """What differs between two responses under the headings "without X" and "with X"; "" where there are none."""
+    named = {heading.lower(): (peak_of_history(one), rms_of_history(one)) for heading, one in responses.items()}
+    pairs = [(name.removeprefix("without "), numbers) for name, numbers in named.items() if name.startswith("without ")]
+    both = [(carried, alone, named[f"with {carried}"]) for carried, alone in pairs if f"with {carried}" in named]
+    return answer_of_runs(*both[0]) if len(both) == 1 else ""
 
 
 def _computed_by(study: Any) -> str:

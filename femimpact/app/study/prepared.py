@@ -76,6 +76,11 @@ def carried_words(system: System) -> str:
     return " and ".join(f"{name}{'s' if count > 1 else ''}" for name, count in counts.items() if count) or "ball"
 
 
+def without_carried(system: System) -> System:
+    """The system without what `carried_words` names: its balls and absorbers, or its stops where it has no others."""
+    return without_impactors(system) if system.balls else replace(system, contacts=())
+
+
 def counts_of(system: System) -> dict[str, int]:
     """Numbers of balls, absorbers and stops."""
     counts = {"ball": 0, "absorber": 0, "stop": 0}
@@ -92,7 +97,7 @@ class PreparedStudy:
     mesh: Mesh | None  # of the study's file; None where it gives a number of elements
     full: System  # that of the mesh, and the one that is integrated
     small: System
-    bare: System  # the one that is integrated, without its balls
+    bare: System  # the one that is integrated, without what it carries or meets
     method: Method  # with the steps for `small` and `bare`
     bare_method: Method
     record: Recorder  # what the history keeps
@@ -127,7 +132,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     check_mesh(study, elements or 1)
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
-    of_method, bare = check_method(study, small, method), without_impactors(small)
+    of_method, bare = check_method(study, small, method), without_carried(small)
     record, grid = history_record(study, small, method)
     _check_channels(study, small)
     prepared = PreparedStudy(study, mesh, full, small, bare, method, method_for(study, bare), record, grid)
@@ -219,7 +224,7 @@ def _coarse_history(prepared: PreparedStudy) -> tuple[str, ...]:
 
 
 def _empty_sweep(prepared: PreparedStudy, parts: tuple[str, ...]) -> tuple[str, ...]:
-    """A warning where no resonance of the structure without balls lies within the sweep."""
+    """A warning where no resonance of the structure without its balls or stops lies within the sweep."""
     plan, bare = prepared.study.sweep, prepared.bare
     if "sweep" not in parts or plan is None:
         return ()
@@ -229,7 +234,7 @@ def _empty_sweep(prepared: PreparedStudy, parts: tuple[str, ...]) -> tuple[str, 
     natural = ", ".join(f"{f:.4g}" for f in modes[:3] if f > 0.0)
     return (
         f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
-        f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",
+        f"first without {prepared.carried}: {natural} Hz): the curve has no resonance, and its peak no damping",
     )
 
 

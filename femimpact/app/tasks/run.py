@@ -92,6 +92,24 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     )  # fmt: skip
 
 
+def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
+    """The same history without what the structure carries or meets; None where a cycle makes it that of a sweep."""
+    study, small, bare = prepared.study, prepared.small, prepared.bare
+    if has_cycle(study.excitation) or len(bare.contacts) == len(small.contacts):
+        return None
+    left_out = {"contact_force", *(pair.name for pair in small.contacts)}
+    channels = [name for name in prepared.record.channels if str(name).partition(".")[0] not in left_out]
+    record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
+    return integrate(
+        bare, study.excitation, prepared.method, study.history_duration, record, _without_balls(study.initial),
+        lambda share: report(f"history without {prepared.carried}", share),
+    )  # fmt: skip
+
+
+def _without_balls(state: State) -> State:
+    return replace(state, ball_displacement=None, ball_velocity=None)
+
+
 def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     """The last 40 cycles of the study's history with every step kept, bit for bit as in the run: for figures.
 
@@ -147,9 +165,8 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent) -> SweepPair:
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
-    without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=without_balls, **level,
+        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=_without_balls(state), **level,
         progress=lambda share: report(f"sweep without {prepared.carried}", share),
     )  # fmt: skip
     ball = None
@@ -399,7 +416,7 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
             from femimpact import vtk
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
-    return Finished("history", files, findings_of_history(prepared, response))
+    return Finished("history", files, findings_of_history(prepared, response, run_without(prepared, report)))
 
 
 def _stride(study: Study, response: Response) -> int:
