@@ -98,7 +98,7 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     if has_cycle(study.excitation) or len(bare.contacts) == len(small.contacts):
         return None
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
-    channels = [name for name in prepared.record.channels if str(name).partition(".")[0] not in left_out]
+    channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
     return integrate(
         bare, study.excitation, prepared.method, study.history_duration, record, _without_balls(study.initial),
