@@ -676,17 +676,18 @@ def test_orbits_branches_spectra_preflights_and_figures_are_parts_of_a_page(tmp_
         "A transfer function": fi.transfer_function(fi.without_impactors(system), np.linspace(5.0, 5.6, 9)),
         "A figure of mine": figure,
     }
+    shock = fi.shock_response_spectrum(fi.Shock("half-sine", acceleration=10.0, duration=0.01), [20.0, 80.0, 200.0])
     preflight = fi.preflight(system, base, duration=60.0)
     text = fi.report(tmp_path / "page.html", {**parts, "A test": preflight}).read_text(encoding="utf-8")
     alone = {
         name: fi.report(tmp_path / "one.html", {name: part}).read_text(encoding="utf-8")
-        for name, part in {**parts, "A test": preflight}.items()
+        for name, part in {**parts, "A test": preflight, "A shock": shock}.items()
     }
     pyplot.close("all")
     answers = {name: one.partition('class="answer">')[2].partition("</p>")[0] for name, one in alone.items()}
     assert f"{1e3 * orbit.steady().peak.max():.4g} mm, stable, period" in answers["An orbit"]
-    stable, count = int(parts["A branch"].is_stable.sum()), len(parts["A branch"])
-    assert f"Hz, {stable} of {count} orbits stable" in answers["A branch"]
+    assert parts["A branch"].is_stable.all() and "Hz, all of them stable" in answers["A branch"]
+    assert "m/s²" in answers["A shock"] and "at " in answers["A shock"]
     assert "at 5.3 Hz" in answers["A transfer function"]
     assert "Limits that are passed" in answers["A test"]
     assert 'class="answer"' not in alone["A figure of mine"]

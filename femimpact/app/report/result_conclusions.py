@@ -531,7 +531,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more)))
+        limited = " within the limits, which {} of {} designs pass".format(*design.beyond) if design.beyond[0] else ""
+        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 

@@ -59,7 +59,7 @@ from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
 from femimpact.integrators.planned_drive import PreflightRow
 from femimpact.orbits.branch import Branch
-from femimpact.orbits.figures import kind_words
+from femimpact.orbits.figures import kind_words, stretches
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
@@ -271,7 +271,10 @@ def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
     elif isinstance(part, Branch):
         ends = " to ".join(typeset_number(end) for end in (part.values.min(), part.values.max()))
         changes = [f"{kind_words(one.kind)} at {typeset_number(one.value)}" for one in part.bifurcations]
-        stable = f"{int(part.is_stable.sum())} of {len(part)} orbits stable"
+        reach = [part.values[points] for points, is_stable in stretches(part) if is_stable]
+        stable = ", ".join(f"{typeset_number(one.min())} to {typeset_number(one.max())}" for one in reach)
+        some = f"stable {stable} {part.unit}".rstrip() if reach else "none of them stable"
+        stable = "all of them stable" if part.is_stable.all() else some
         swept = part.parameter.rpartition(".")[2].replace("_", " ")
         yield Conclusion(f"Range of {swept}, {heading}", ends, part.unit, note=", ".join((stable, *changes)))
     elif isinstance(part, TransferFunction):
@@ -280,6 +283,15 @@ def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
             if gain.max(initial=-np.inf) >= 0.0:
                 label, note = f"Largest {name} over {part.of}", f"at {typeset_number(part.frequency[gain.argmax()])} Hz"
                 yield number_conclusion(f"{label}, {heading}", float(gain.max()), part.units[name], note=note)
+    elif isinstance(part, Spectrum):
+        largest = int(np.argmax(part.values))
+        value, note = typeset_number(part.values[largest]), f"at {typeset_number(part.frequency[largest])} Hz"
+        yield Conclusion(f"Largest {part.kind} of {part.channel}, {heading}", value, part.unit, note=note)
+    elif isinstance(part, ShockResponseSpectrum):
+        largest = int(np.argmax(part.acceleration))
+        note = f"at {typeset_number(part.frequency[largest])} Hz"
+        label = f"Largest response to the shock, {heading}"
+        yield number_conclusion(label, float(part.acceleration[largest]), "m/s^2", note=note)
     elif isinstance(part, Calibration):
         for one in part.parameters:
             interval = f"90 % interval {typeset_number(one.low)} to {typeset_number(one.high)}"
