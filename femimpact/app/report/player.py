@@ -23,7 +23,17 @@ from femimpact.response.history import Snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, placed_structure
-from femimpact.scene.scene import BODY, BOX, PARTS, STOP, SUPPORT, Body, bodies_on_beam, chosen_exaggeration
+from femimpact.scene.scene import (
+    BODY,
+    BOX,
+    PARTS,
+    STOP,
+    SUPPORT,
+    Body,
+    bodies_on_beam,
+    chosen_exaggeration,
+    shown_snapshots,
+)
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.units import TIMES
@@ -73,9 +83,9 @@ def frames_of(response: Response) -> Frames | None:
     if snapshots.displacement.shape[1] != 2 * nodes.size:
         return None
     contacts = list(response.system.contacts)
-    grid = thinned(snapshots.time.size, MOST_SNAPSHOTS)
-    hits = _hits(response.impacts, snapshots, [pair.name for pair in contacts])
-    times = np.unique(np.concatenate([snapshots.time[grid], hits["time"]]))
+    grid = snapshots.time[shown_snapshots(response, snapshots, MOST_SNAPSHOTS)]
+    hits = _hits(response.impacts, grid, [pair.name for pair in contacts])
+    times = np.unique(np.concatenate([grid, hits["time"]]))
     stations = _stations(nodes, [pair.position for pair in contacts])
     rows, slopes = (hermite_rows(nodes, stations, order).toarray() for order in (0, 1))
     displacement = _between(snapshots, times)
@@ -98,10 +108,10 @@ def frames_of(response: Response) -> Frames | None:
     return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, events)
 
 
-def _hits(impacts: Impacts, snapshots: Snapshots, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _hits(impacts: Impacts, shown: Array, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Impacts within the snapshots: time, number of the contact, side; the hardest where there are too many."""
     number = {name: j for j, name in enumerate(names)}
-    within = (impacts.time >= snapshots.time[0]) & (impacts.time <= snapshots.time[-1])
+    within = (impacts.time >= shown[0]) & (impacts.time <= shown[-1])
     within &= np.isin(impacts.impactor, names) if names else np.zeros(within.shape, dtype=bool)
     chosen = np.flatnonzero(within)
     if chosen.size > MOST_IMPACTS:
