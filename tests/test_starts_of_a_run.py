@@ -28,7 +28,7 @@ from femimpact.app.tasks import starts as starts_of
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of
 from femimpact.cli import print_results
 from femimpact.integrators.runs import integrate
-from femimpact.scene.scene import shown_snapshots
+from femimpact.response.history import shown_snapshots
 
 pytestmark = pytest.mark.impacts
 
@@ -390,10 +390,10 @@ def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods(
     system = fi.without_impactors(prepared.small)
     for drive, first in ((fi.Sine(1e-4, 4.9), False), (fi.Shock("half-sine", acceleration=1.0, duration=0.02), True)):
         long = fi.integrate(system, drive, fi.EventDriven(), 20.0, fi.Recorder(snapshots=1))
-        chosen = shown_snapshots(long, long.snapshots, 60)
+        chosen = shown_snapshots(long.snapshots, drive, system, 60)
         assert chosen.size == 60
         assert (chosen[0] == 0) == first
         assert (chosen[-1] == long.snapshots.time.size - 1) == (not first)
         frequency = system.first_frequency if first else 4.9
         assert 12 <= 1.0 / (frequency * np.diff(long.snapshots.time[chosen]).max()) * (1 + 1e-9) < 25
-    assert shown_snapshots(long, long.snapshots, 10**6).size == long.snapshots.time.size
+    assert shown_snapshots(long.snapshots, drive, system, 10**6).size == long.snapshots.time.size

@@ -19,7 +19,7 @@ from femimpact.errors import instance, optional, quantity, require, takes
 from femimpact.excitation.excitation import words_of
 from femimpact.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.files import atomic_path, target_path
-from femimpact.response.history import Snapshots
+from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, ball_radius
 from femimpact.scene.scene import (
@@ -37,7 +37,6 @@ from femimpact.scene.scene import (
     Scene,
     build_scene,
     chosen_exaggeration,
-    shown_snapshots,
     snapshots_of,
 )
 from femimpact.structure.structure import Structure
@@ -182,7 +181,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     if exaggeration is None:
         motion = snapshots.displacement[:, 0::2], snapshots.ball_displacement
         exaggeration = chosen_exaggeration(*motion, structure, response.system.balls)
-    chosen = shown_snapshots(response, snapshots, most)
+    chosen = shown_snapshots(snapshots, response.base, response.system, most)
     span = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {number_text((chosen.size - 1) / fps / span, 2)} times." if span > 0.0 else ""
     words = words_of(response.base)

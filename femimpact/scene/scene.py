@@ -12,9 +12,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array, Integers, thinned
+from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, quantity
-from femimpact.excitation.excitation import has_cycle
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
 from femimpact.scene.placed import SAME, Contact, PlacedStructure, ball_radius, body_side, placed_structure
@@ -22,7 +21,6 @@ from femimpact.structure.beam import Segment
 from femimpact.structure.structure import PointMass, Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
-from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
 
 BEAM, BOX, BALL, SUPPORT, BODY, STOP, CONTACT_POINT, CONNECTION = range(8)
@@ -30,9 +28,6 @@ PARTS = ("beam", "box", "ball", "support", "body", "stop", "contact point", "spr
 """Names of the values of the cell array `part`."""
 
 VERTEX, LINE, TRIANGLE, QUAD, HEXAHEDRON, WEDGE = 1, 3, 5, 9, 12, 13
-
-FRAMES_OF_PERIOD = 12
-"""Frames of a period below which its motion is not seen."""
 
 STATIONS = 120
 """Cells along the beam, at least."""
@@ -311,22 +306,6 @@ EXAGGERATION: Any = quantity("1", above=0.0, at_most=1e9)
 
 SWING = 0.08
 """Share of the beam's length that swing and gap fill where the factor is chosen."""
-
-
-def shown_snapshots(response: Response, snapshots: Snapshots, most: int) -> Integers:
-    """Numbers of at most so many snapshots that are shown, evenly spread over the run or over a part of it.
-
-    Where a period of the drive, or without a cycle of the first mode, would have fewer than `FRAMES_OF_PERIOD`, they
-    are the last of the run, or without a cycle the first.
-    """
-    count, cyclic = snapshots.time.size, has_cycle(response.base)
-    frequency = response.base.frequency if cyclic else first_elastic_frequency(response.system)
-    span = FRAMES_OF_PERIOD * frequency * float(snapshots.time[-1] - snapshots.time[0])
-    stride = max(int((count - 1) / span), 1) if span > 0.0 else count
-    if count <= most * stride:
-        return thinned(count, most)
-    first = count - 1 - stride * (most - 1) if cyclic else 0
-    return first + stride * np.arange(most)
 
 
 def chosen_exaggeration(

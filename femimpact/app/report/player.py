@@ -19,21 +19,11 @@ from numpy.typing import NDArray
 from femimpact.app.report.markup import Element, data_element, element, svg_element
 from femimpact.arrays import Array, thinned
 from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, legend_above, panel
-from femimpact.response.history import Snapshots
+from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, placed_structure
-from femimpact.scene.scene import (
-    BODY,
-    BOX,
-    PARTS,
-    STOP,
-    SUPPORT,
-    Body,
-    bodies_on_beam,
-    chosen_exaggeration,
-    shown_snapshots,
-)
+from femimpact.scene.scene import BODY, BOX, PARTS, STOP, SUPPORT, Body, bodies_on_beam, chosen_exaggeration
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
 from femimpact.units import TIMES
@@ -83,7 +73,7 @@ def frames_of(response: Response) -> Frames | None:
     if snapshots.displacement.shape[1] != 2 * nodes.size:
         return None
     contacts = list(response.system.contacts)
-    grid = snapshots.time[shown_snapshots(response, snapshots, MOST_SNAPSHOTS)]
+    grid = snapshots.time[shown_snapshots(snapshots, response.base, response.system, MOST_SNAPSHOTS)]
     hits = _hits(response.impacts, grid, [pair.name for pair in contacts])
     times = np.unique(np.concatenate([grid, hits["time"]]))
     stations = _stations(nodes, [pair.position for pair in contacts])

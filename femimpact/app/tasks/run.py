@@ -109,10 +109,8 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
-    return integrate(
-        bare, study.excitation, prepared.method, study.history_duration, record, _without_balls(study.initial),
-        lambda share: report(f"history without {prepared.carried}", share),
-    )  # fmt: skip
+    start, said = _without_balls(study.initial), partial(report, f"history without {prepared.carried}")
+    return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
 
 
 def _without_balls(state: State) -> State:
