@@ -397,3 +397,12 @@ def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods(
         frequency = system.first_frequency if first else 4.9
         assert 12 <= 1.0 / (frequency * np.diff(long.snapshots.time[chosen]).max()) * (1 + 1e-9) < 25
     assert shown_snapshots(long.snapshots, drive, system, 10**6).size == long.snapshots.time.size
+
+
+def test_the_page_of_a_shock_has_its_player(tmp_path):
+    given = shock()
+    given = replace(given, output=replace(given.output, frames=60, report=True))
+    found = fi.run_study(given, tmp_path / "out", parts=("simulate",))
+    page = (found.directory / "report.html").read_text(encoding="utf-8")
+    assert "has no attribute" not in page
+    assert 'id="player' in page

@@ -31,7 +31,6 @@ from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
 from femimpact.response.channels import channel_key
 from femimpact.response.energy import EnergyLedger
 from femimpact.structure.structure import Position
-from femimpact.system.modes import first_elastic_frequency
 from femimpact.system.system import System
 from femimpact.table import Head, head_of_columns, short_repr
 
@@ -70,7 +69,8 @@ def shown_snapshots(snapshots: Snapshots, base: Excitation, system: System, most
     are the last of the run, or without a cycle the first.
     """
     count, cyclic = snapshots.time.size, has_cycle(base)
-    frequency = base.frequency if cyclic else first_elastic_frequency(system)
+    # not known of a system read from results, whose snapshots are a part already
+    frequency = base.frequency if cyclic else system.first_frequency
     span = FRAMES_OF_PERIOD * frequency * float(snapshots.time[-1] - snapshots.time[0])
     stride = max(int((count - 1) / span), 1) if span > 0.0 else count
     if count <= most * stride:
