@@ -291,6 +291,9 @@ def test_a_worst_case_at_an_end_of_its_axis_is_said_and_a_flat_axis_is_not():
     # names have no order
     names = dataset({GAP: GAPS[:2], "base.start": np.array(["base", "space"])}, {"peak": np.array([[1.0, 2], [3, 4]])})
     assert only(fi.best_case(names, "peak", ["base.start"])).worst_bounds == {}
+    # nor have seeds
+    seeds = dataset({GAP: GAPS[:2], "base.seed": [1.0, 2.0, 3.0]}, {"peak": np.array([[1.0, 2, 3], [4, 5, 6]])})
+    assert only(fi.best_case(seeds, "peak", ["base.seed"])).worst_bounds == {}
 
 
 def test_a_restitution_that_is_no_part_of_the_worst_counts_as_a_choice_and_says_so():

@@ -23,10 +23,12 @@ import femimpact as fi
 from femimpact.app.report.result_conclusions import conclusions_of
 from femimpact.app.results.picture_data import read_results
 from femimpact.app.study.findings import read_findings
+from femimpact.app.tasks import run as runs
 from femimpact.app.tasks import starts as starts_of
 from femimpact.app.tasks.starts import OF_CURVES, StartCurves, spreads_of
 from femimpact.cli import print_results
 from femimpact.integrators.runs import integrate
+from femimpact.response.history import shown_snapshots
 
 pytestmark = pytest.mark.impacts
 
@@ -372,3 +374,35 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     found = fi.load(tmp_path / "out.part").summary
     assert found["unfinished"] == ["sweep"]
     assert found["history_starts"] == ran.summary["history_starts"]
+
+
+def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods():
+    given = shock()
+    given = replace(given, output=replace(given.output, frames=120))
+    prepared = prepare(given)
+    run = runs.run_simulation(prepared)
+    tip, times = run.snapshots.displacement[:, -2], run.snapshots.time
+    assert np.abs(tip).max() == pytest.approx(abs(run.largest("tip").value), rel=0.05)
+    # some three periods of the first mode, of the run's 3 s
+    assert times[0] == pytest.approx(0.0, abs=1e-3)
+    assert times[-1] == pytest.approx(3.0 / prepared.small.first_frequency, rel=0.05)
+    assert len(run.impacts) == len(integrate(prepared.small, given.excitation, prepared.method, 3.0).impacts)
+    system = fi.without_impactors(prepared.small)
+    for drive, first in ((fi.Sine(1e-4, 4.9), False), (fi.Shock("half-sine", acceleration=1.0, duration=0.02), True)):
+        long = fi.integrate(system, drive, fi.EventDriven(), 20.0, fi.Recorder(snapshots=1))
+        chosen = shown_snapshots(long.snapshots, drive, system, 60)
+        assert chosen.size == 60
+        assert (chosen[0] == 0) == first
+        assert (chosen[-1] == long.snapshots.time.size - 1) == (not first)
+        frequency = system.first_frequency if first else 4.9
+        assert 12 <= 1.0 / (frequency * np.diff(long.snapshots.time[chosen]).max()) * (1 + 1e-9) < 25
+    assert shown_snapshots(long.snapshots, drive, system, 10**6).size == long.snapshots.time.size
+
+
+def test_the_page_of_a_shock_has_its_player(tmp_path):
+    given = shock()
+    given = replace(given, output=replace(given.output, frames=60, report=True))
+    found = fi.run_study(given, tmp_path / "out", parts=("simulate",))
+    page = (found.directory / "report.html").read_text(encoding="utf-8")
+    assert "has no attribute" not in page
+    assert 'id="player' in page

@@ -411,7 +411,12 @@ class _Designs:
         found = dict[str, str]()
         for axis in self.worst:
             values, codes = self.values[axis], self.codes[axis][cases]
-            if len(values) > 1 and all(isinstance(value, (int, float)) for value in values):
+            # a seed is a name that happens to be a number
+            if (
+                len(values) > 1
+                and not axis.endswith(".seed")
+                and all(isinstance(value, (int, float)) for value in values)
+            ):
                 for end, code in (("lowest", 0), ("highest", len(values) - 1)):
                     if (codes == code).all():
                         found[axis] = end

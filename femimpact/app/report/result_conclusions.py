@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+ORDERED = "of the response without contacts"
+"""What has an order of convergence. Forces of contacts have none, and take more modes."""
+
 NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
 """Labels, or their beginnings, of conclusions of which the answer is made."""
 
@@ -83,7 +86,7 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     if needed:
         counts = " and ".join(f"{one.value} {one.label.removeprefix(NEEDED)}" for one in needed)
         asked = f"relative error of {findings.accuracy:g}" if findings.accuracy is not None else "small error"
-        return f"A {asked} takes {counts}."
+        return f"A {asked} {ORDERED} takes {counts}."
     if findings.orbits is not None and findings.orbits.branches:
         one, plural = conclusions[0], "es" * (len(findings.orbits.branches) > 1)
         return f"{one.value} branch{plural} of periodic orbits {one.note}."
@@ -431,7 +434,7 @@ def convergence_conclusions(
             Conclusion(
                 f"{NEEDED}{words.get(axis, axis)}",
                 f"{recommended[worst]:.0f}",
-                scatter=asked + known_for,
+                scatter=f"{asked}{known_for}, {ORDERED}",
                 note=f"most for {columns['quantity'][worst]}",
             )
         )

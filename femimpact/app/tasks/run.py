@@ -23,6 +23,7 @@ from femimpact.app.study.prepared import (
     carried_words,
     counts_of,
     even_grid,
+    film_window,
     history_cost,
     in_study_words,
     last_cycles_start,
@@ -84,12 +85,20 @@ def run_modes(prepared: PreparedStudy) -> tuple[Modes, Modes | None]:
 
 
 def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Response:
-    """The history of the study, with snapshots over its last cycles."""
-    study, record = prepared.study, prepared.record
-    return integrate(
-        prepared.small, study.excitation, prepared.method, study.history_duration, record, study.initial,
+    """The history of the study, with snapshots over its last cycles, or those in which its drive ends."""
+    study, record, end = prepared.study, prepared.record, film_window(prepared.study, prepared.small)[1]
+    early = record.snapshots > 0 and end < study.history_duration
+    response = integrate(
+        prepared.small, study.excitation, prepared.method, study.history_duration,
+        replace(record, snapshots=0, snapshots_start=0.0) if early else record, study.initial,
         lambda share: report("history", share),
     )  # fmt: skip
+    if not early:
+        return response
+    # a run has snapshots up to its end: those of a part are kept by one that ends with it
+    record = replace(record, channels=(), ledger=False, state_at=None, start=0.0)
+    film = integrate(prepared.small, study.excitation, prepared.method, end, record, study.initial)
+    return replace(response, snapshots=film.snapshots)
 
 
 def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
@@ -100,10 +109,8 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
-    return integrate(
-        bare, study.excitation, prepared.method, study.history_duration, record, _without_balls(study.initial),
-        lambda share: report(f"history without {prepared.carried}", share),
-    )  # fmt: skip
+    start, said = _without_balls(study.initial), partial(report, f"history without {prepared.carried}")
+    return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
 
 
 def _without_balls(state: State) -> State:
