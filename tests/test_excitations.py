@@ -209,6 +209,22 @@ def test_records_of_displacement_and_velocity_are_met():
     assert np.abs(drifting.velocity(t) - speed)[inner].max() < 0.1 * np.abs(speed).max()
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, 7.0 * np.pi / 4.0, 8))
+def test_a_high_pass_keeps_the_motion_up_to_the_ends_of_a_record_cut_within_it(phase, tmp_path):
+    t, omega = 1e-3 * np.arange(20_001), 2.0 * np.pi * 7.6
+    wave = 0.7 * np.sin(omega * t + phase)
+    path, ends = tmp_path / "cut.csv", (t < 0.5) | (t > 19.5)
+    columns = np.column_stack([t, wave + 0.13 + 0.01 * t + 0.05 * np.sin(2.0 * np.pi * t / 60.0)])
+    np.savetxt(path, columns, delimiter=",")
+    base = fi.RecordedBase.from_csv(path, high_pass=1.0)
+    rms = np.sqrt(np.mean((base.samples - wave)[ends] ** 2))
+    # continued about the last sample it is up to 0.6 of the amplitude, and 5 mm
+    assert rms < 0.006 * 0.7
+    # from the place of the first sample, which is the one of the last
+    size = 0.7 / omega**2
+    assert 0.99 * size < base.amplitude < 2.1 * size
+
+
 @pytest.mark.parametrize("psd", [[(5.0, 1.0), (100.0, 1.0)], [(5.0, 1.0), (100.0, 1e-4)], [(40.0, 1.0), (41.0, 1.0)]])
 def test_a_random_motion_is_met_to_1e_9_with_no_more_pieces_than_its_density_takes(psd):
     base = fi.RandomBase(psd, 3.0, seed=4)

@@ -535,7 +535,23 @@ def test_a_drifting_record_is_named_in_a_run_also_within_a_sum():
     record = fi.RecordedBase.from_displacement(place, 1 / 400.0)
     for excitation in (record, CALM + record, fi.excitation.Drives(record, [CALM_FORCE])):
         run = fi.integrate(system, excitation, fi.EventDriven(), 7.9, fi.Recorder(channels=()))
-        assert any(text.startswith("drift of the record below 2.65 Hz") for text in run.notes)
+        assert any(text.startswith("drift of the record below 2.5 Hz") for text in run.notes)
+
+
+@pytest.mark.parametrize("line", [3.0, 4.6, 8.0])
+def test_the_advised_high_pass_lies_below_the_lines_of_the_record_itself(line):
+    system, t = reduced(REFERENCE, 3), np.arange(4000) / 200.0
+    place = 0.2e-3 * np.sin(2.0 * np.pi * line * t) + 3e-3 * np.sin(2.0 * np.pi * 0.1 * t)
+    found = row(fi.preflight(system, fi.RecordedBase.from_displacement(place, 1 / 200.0)), "drift")
+    high_pass = float(found.instead.split("high_pass = ")[1].split(")")[0])
+    # half of the line or of the first natural frequency, 5.3 Hz, to two digits and a line of 20 s
+    assert 0.45 * min(line, 5.3) < high_pass <= 0.5 * min(line, 5.3)
+    # from the first sample, 0, up to 3 mm and down to -3 mm, whatever the ends are
+    assert found.value == pytest.approx(3e-3, rel=0.1)
+    without = fi.RecordedBase.from_displacement(place, 1 / 200.0, high_pass=high_pass)
+    assert not row(fi.preflight(system, without), "drift").passed
+    # the line itself stays: from below to above twice its amplitude
+    assert np.ptp(without.displacement(t)[1000:3000]) == pytest.approx(0.4e-3, rel=0.05)
 
 
 def test_long_contacts_preloads_and_percentages_are_named_in_runs_and_curves():

@@ -172,7 +172,7 @@ class RecordedBase:
             with np.errstate(over="ignore"):
                 samples = without_trend(samples, type="constant" if detrend == "mean" else "linear")
         if high_pass is not None:
-            samples = _high_passed(samples, interval, high_pass)
+            samples = high_passed(samples, interval, high_pass)
         base = cls(samples, interval, note=note)
         return base if detrend == "none" and high_pass is None else base.returning()
 
@@ -324,15 +324,29 @@ def _spline(samples: ArrayLike, interval: float, high_pass: float | None, unit: 
     several = values.ndim == 1 and values.size >= 4
     require(several, "samples", f"array of shape {values.shape}", unit, allowed)
     if high_pass is not None:
-        values = _high_passed(values, interval, high_pass)
+        values = high_passed(values, interval, high_pass)
     return CubicSpline(interval * np.arange(values.size), values)
 
 
-def _high_passed(values: Array, interval: float, high_pass: float) -> Array:
-    """Samples without what is slower than a frequency (Hz), without delay."""
+def high_passed(values: Array, interval: float, high_pass: float) -> Array:
+    """Samples without what is slower than a frequency (Hz), without delay.
+
+    Either end is continued by three periods, turned about its level. A record that ends in motion goes on without a
+    step of its mean; turned about its last sample it would take that for its level, and drift.
+    """
     from scipy.signal import butter, sosfiltfilt
 
     high_pass = checked("high_pass", high_pass, quantity("Hz", above=0.0, below=0.5 / interval))
     sections = butter(4, high_pass, "highpass", fs=1.0 / interval, output="sos")
     padding = min(values.size - 1, int(3.0 / (high_pass * interval)) + 1)
-    return np.asarray(sosfiltfilt(sections, values, padlen=padding))
+    begin, end = values[: padding + 1], values[: -padding - 2 : -1]
+    before, after = ((2.0 * _level(part) - part)[:0:-1] for part in (begin, end))
+    longer = np.concatenate([before, values, after[::-1]])
+    return np.asarray(sosfiltfilt(sections, longer, padtype=None)[padding : padding + values.size])
+
+
+def _level(values: Array) -> float:
+    """The line of least squares, weighted by a Hann window, at the first of some samples."""
+    at = np.arange(values.size)
+    weights = np.sin(np.pi * (at + 1.0) / (values.size + 1.0))
+    return float(np.polynomial.Polynomial.fit(at, values, 1, w=weights)(0.0))

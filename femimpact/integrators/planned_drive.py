@@ -18,6 +18,7 @@ from femimpact.excitation.excitation import BrokenLine, Excitation, Harmonic, is
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
 from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.records import high_passed
 from femimpact.excitation.remarks import FAR, drives_above_modes, is_pulse, late_drives, motion_warnings
 from femimpact.excitation.sums import force_form_of
 from femimpact.integrators.record_reading import DIFFERENCE, coarse_record, record_coarseness
@@ -44,6 +45,9 @@ READINGS, CLOSE = 5, 16
 
 DRIFT = 0.25
 """Slow motion of the base over the gap beyond which a record's drift drives the ball."""
+
+BELOW_LINES = 0.05
+"""Share of a record's energy that lies below its lowest line."""
 
 RMS_ERROR = 0.05
 """Relative standard error of the root mean square of a random response that is accepted."""
@@ -184,31 +188,30 @@ def _largest_of_pieces(derivatives: Array, length: Array) -> float:
 
 
 def _drift(system: System, record: Excitation, of: str) -> Iterator[PreflightRow]:
-    """Largest change of a record's displacement below half the first frequency, beside a quarter of the smallest gap.
+    """Largest change of a record's displacement below half of its lowest line, beside a quarter of the smallest gap.
 
-    The displacement passes a Butterworth filter of order 4 forwards and backwards, so that it is not delayed.
+    The lines are those above a tenth of the first natural frequency, and the lowest one that below which 5 % of their
+    energy lies, or the first natural frequency where that is less.
     """
-    from scipy.signal import butter, sosfiltfilt
-
     line, first = getattr(record, "closed_form", None), first_elastic_frequency(system)
     gaps = [gap for pair in system.balls for gap in pair.gaps if math.isfinite(gap)]
     if not isinstance(line, BrokenLine) or is_pulse(line.samples) or not gaps or first == 0.0:
         return
-    corner = 0.5 * first * 2.0 * line.interval
-    if corner >= 1.0:
+    frequency, size = line.spectrum
+    energy = np.cumsum(np.where(frequency > 0.1 * first, size, 0.0) ** 2)
+    lowest = float(frequency[np.searchsorted(energy, BELOW_LINES * energy[-1], side="right") % energy.size])
+    # down to two digits, as it is advised
+    corner = rounded(0.5 * (min(lowest, first) if energy[-1] else first), math.floor)
+    if corner * 2.0 * line.interval >= 1.0:
         return
-    at = line.interval * np.arange(len(line.samples))
-    displacement = np.asarray(record.displacement(at))
-    # both ends are continued by three periods of the corner, as far as there are so many samples
-    padding = min(math.ceil(6.0 / corner), at.size - 1)
-    slow = sosfiltfilt(butter(4, corner, output="sos"), displacement, padtype="odd", padlen=padding)
-    limit = DRIFT * min(gaps)
+    displacement = np.asarray(record.displacement(line.interval * np.arange(len(line.samples))))
+    slow = displacement - high_passed(displacement, line.interval, corner)
     instead = (
-        f"it moves the box around a ball at rest: take RecordedBase.from_displacement(displacement, interval, "
-        f"high_pass = {rounded(0.5 * first):g}) of the displacement of this record"
+        f"it moves the box around a ball at rest: take RecordedBase.from_csv(..., high_pass = {corner:g}) of this "
+        "record, or from_displacement(..., high_pass) of its displacement"
     )
-    what = f"drift of the record below {0.5 * first:.3g} Hz{of}"
-    yield row_of(what, np.abs(slow - slow[0]).max(), "m", limit, instead)
+    what = f"drift of the record below {corner:g} Hz{of}"
+    yield row_of(what, np.abs(slow - slow[0]).max(), "m", DRIFT * min(gaps), instead)
 
 
 def drive_rows(

@@ -57,7 +57,7 @@ IN_PYTHON = {
         "a smaller output.every, or output.interval of the event-driven method,"
     ),
     r'as RecordedBase\.from_csv\(\.\.\., detrend="line"\) does': 'by base.detrend = "line"',
-    r"RecordedBase\.from_displacement\(.*(high_pass = [^)]*)\) of the displacement of this record": r"base.\1",
+    r"RecordedBase\.from_csv\(\.\.\., (high_pass = [^)]*)\) of this record.*": r"base.\1",
 }
 """What warnings and notes name in Python, and the keys of a study file that do the same."""
 
