@@ -105,7 +105,7 @@ class BestDesign:
         Worst value where the axes in `BestCase.uncertain` have any of their values; not a number without such axes, or
         without another one to choose on.
     beyond : tuple of int
-        How many designs pass a limit, and how many have a value.
+        How many designs do not keep the limits, and how many have a value.
     """
 
     at: Mapping[str, Any]
@@ -211,7 +211,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
         yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
     if design.beyond[0]:
-        yield "{} of {} designs pass a limit, and are no choice".format(*design.beyond)
+        yield "{} of {} designs do not keep the limits".format(*design.beyond)
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

@@ -335,7 +335,13 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
             spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
             when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
             yield from _of_history(
-                findings, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
+                findings,
+                history,
+                spread,
+                channel.largest_of_run,
+                name_words(name),
+                channel.unit,
+                note=f"largest of the run{when}",
             )
 
 
@@ -534,7 +540,9 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        limited = " within the limits, which {} of {} designs pass".format(*design.beyond) if design.beyond[0] else ""
+        limited = (
+            " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
+        )
         note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
