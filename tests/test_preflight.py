@@ -352,11 +352,16 @@ def test_the_named_interval_of_a_record_is_short_enough(frequency, interval):
     assert not planned(float(found.instead.split("every ")[1].split()[0])).passed
 
 
+T_RECORD = 0.005 * np.arange(13_334)
+
 SOUND = {
     "a sine": (fi.Sine(2e-4, 5.2), {"duration": 120.0, "initial": SPACE}),
     "a sweep": (fi.Sine(1e-4, 5.0), {"frequencies": np.linspace(4.8, 5.6, 201), "cycles": 600}),
     "a shock": (fi.Shock("half-sine", 50.0, 0.011), {"duration": 3.0, "initial": SPACE}),
-    "a record": (fi.RecordedBase.from_displacement(2e-4 * np.sin(5.2 * np.arange(0.0, 400.0, 0.03)), 0.005), {}),
+    "a record": (
+        fi.RecordedBase.from_displacement(np.minimum(T_RECORD, 5.0) * 4e-5 * np.sin(31.2 * T_RECORD), 0.005),
+        {},
+    ),
     "steps": (fi.SteppedSine(np.linspace(5.2, 5.4, 41), 600, amplitude=1e-5), {}),
 }
 
@@ -536,6 +541,33 @@ def test_a_drifting_record_is_named_in_a_run_also_within_a_sum():
     for excitation in (record, CALM + record, fi.excitation.Drives(record, [CALM_FORCE])):
         run = fi.integrate(system, excitation, fi.EventDriven(), 7.9, fi.Recorder(channels=()))
         assert any(text.startswith("drift of the record below 2.5 Hz") for text in run.notes)
+
+
+def test_a_record_that_begins_in_motion_is_warned_of_where_the_run_begins_at_rest():
+    t = 0.005 * np.arange(4001)
+    moving = 0.1 * np.sin(2.0 * np.pi * 4.4 * t + 1.0)
+    noise = 0.02 * np.random.default_rng(3).standard_normal(t.size)
+    record, decay = fi.Recorder(channels=()), 1.0 / (2.0 * np.pi * 5.3 * 0.0029)
+    words = f"falls to 37 % every 1/(zeta omega) = {np.ceil(decay):.0f} s"
+
+    def told(samples, start=None):
+        base = fi.RecordedBase(samples, 0.005).returning()
+        run = fi.integrate(BARE, base, fi.EventDriven(), 2.0, record, start)
+        plan = fi.preflight(BARE, base, duration=2.0, initial=start or fi.State())
+        said = [text for text in run.warnings if "begins in motion" in text]
+        assert [each.instead for each in plan.passed if "begins in motion" in each.instead] == said
+        return said
+
+    for samples in (moving, moving + noise, np.random.default_rng(1).standard_normal(t.size)):
+        (text,) = told(samples)
+        assert words in text
+        # a measured start, whatever it is
+        assert told(samples, fi.State.of_mode(BARE, 1, 1e-3)) == []
+    # from rest, within the noise of the sensor; a shock; one that begins at once; nothing
+    assert told(moving * np.clip(t - 0.2, 0.0, 2.0) / 2.0 + 0.1 * noise) == []
+    assert told(np.where(t < 0.02, 50.0, 0.0)) == []
+    assert told(moving * np.exp(-5.0 * t)) == []
+    assert told(np.full(t.size, 0.1)) == []
 
 
 @pytest.mark.parametrize("line", [3.0, 4.6, 8.0])

@@ -213,6 +213,12 @@ def test_the_page_on_a_measured_base_runs_as_it_stands(monkeypatch, tmp_path, dr
     # relative to the base nothing but the static deflection under the offset differs, 0.1 of 13.7 mm
     np.testing.assert_allclose(peaks, peaks[-1], rtol=0.02)
     assert np.abs(names["with_ball"]["tip"]).max() < 0.5 * peaks[-1]
+    # of the record cut within the motion, from rest and from the start that is fitted
+    errors = [np.std(run["tip"] - names["measured"]) for run in (names["rest"], names["run"])]
+    assert errors[0] > 0.3 * np.std(names["measured"])
+    assert errors[1] < 0.002 * np.std(names["measured"])
+    assert any("begins in motion" in text for text in names["rest"].warnings)
+    assert not any("begins in motion" in text for text in names["run"].warnings)
 
 
 def test_the_page_on_the_record_of_a_shock_runs_as_it_stands(capsys):

@@ -1,5 +1,7 @@
 """Starts in the shape of a mode, under a force that lets go, and with a speed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import REFERENCE, reduced, with_ball
@@ -70,3 +72,20 @@ def test_a_speed_is_that_of_a_base_that_is_stopped(ball):
     free = run.time < (run.impacts.time[0] if len(run.impacts) else np.inf)
     np.testing.assert_allclose(run["ball"][free], 0.3 * run.time[free], rtol=0.0, atol=1e-12)
     assert run.energy.stored[0] <= 0.5 * (ball.total_mass + 0.00343) * 0.3**2
+
+
+@pytest.mark.parametrize(("gap", "middle"), [(2e-3, 0.0), ((3e-3, 1e-3), 1e-3)])
+@pytest.mark.parametrize("start", ["mode", "force"])
+def test_a_ball_begins_in_the_middle_of_the_box_that_is_carried_along(gap, middle, start):
+    carried = fi.Impactor("carried", at="tip", mass=3e-3, gap=gap, contact=fi.Rigid(0.6))
+    hung = fi.Absorber("hung", at="mid", mass=1e-3, stiffness=3.0, damping=0.01)
+    system = reduced(replace(REFERENCE, impactors=(carried,), absorbers=(hung,)), 4)
+    # by many times the gap
+    state = fi.State.of_mode(system, 1, 0.02) if start == "mode" else fi.State.under_force(system, 0.3)
+    run = fi.integrate(system, STILL, EXACT, 0.05, fi.Recorder(("tip", "mid", "carried", "hung")), state)
+    assert abs(run["tip"][0]) > 5e-3
+    assert run["carried"][0] - run["tip"][0] == pytest.approx(middle, abs=1e-12)
+    # its spring at its own length
+    assert run["hung"][0] == pytest.approx(run["mid"][0], rel=1e-12)
+    without = fi.State.of_mode(fi.without_impactors(system), 1, 0.02)
+    assert without.ball_displacement is None

@@ -65,6 +65,7 @@ SITES = {
     ("signals/estimates.py", "_by_dwells"): ["dwells are not steady"],
     ("signals/transfer.py", "transfer_function"): ["in contact at rest"],
     ("integrators/planned_drive.py", "row_of"): ["(limit: at"],
+    ("integrators/planned_drive.py", "_begin_in_motion"): ["begins in motion"],
     ("integrators/planned_drive.py", "contact_notes"): ["in contact at rest"],
     ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "is it a percentage", "shear and rotary inertia"],
     ("fem/assembly.py", "unusual_words"): ["are units SI"],

@@ -49,6 +49,9 @@ DRIFT = 0.25
 BELOW_LINES = 0.05
 """Share of a record's energy that lies below its lowest line."""
 
+BEGINS, PERIODS = 0.25, 8.0
+"""Share of a record's rms that its first period may have where a run begins at rest, and its periods at least."""
+
 RMS_ERROR = 0.05
 """Relative standard error of the root mean square of a random response that is accepted."""
 
@@ -218,21 +221,23 @@ def drive_rows(
     system: System, excitation: Excitation, duration: float | None, initial: State
 ) -> Iterator[PreflightRow]:
     """Each drive beside the modes that are kept, its record, and what `plan_rows` says of it."""
-    yield from (row for row in _of_histories(system, excitation, duration) if math.isfinite(row.limit))
+    yield from (row for row in _of_histories(system, excitation, duration, initial) if math.isfinite(row.limit))
     end = math.inf if duration is None else initial.time + duration
     for which, begin, text in late_drives(excitation, end):
         yield row_of(f"begin of the drive{f', {which}' * bool(which)}", begin, "s", end, text)
     yield from plan_rows(system, excitation, duration, initial)
 
 
-def drive_warnings(system: System, excitation: Excitation, end: float) -> tuple[str, ...]:
-    """Warnings of a drive up to a time (s): of a base that moves far, what the kept modes miss, a coarse record."""
-    histories = _of_histories(system, excitation, end)
+def drive_warnings(system: System, excitation: Excitation, end: float, initial: State) -> tuple[str, ...]:
+    """Warnings of a drive up to a time (s): a base that moves far, what modes miss, a coarse or a moving record."""
+    histories = _of_histories(system, excitation, end, initial)
     return (*motion_warnings(excitation, system.length), *(each.instead for each in histories if each.passed))
 
 
-def _of_histories(system: System, excitation: Excitation, end: float | None) -> Iterator[PreflightRow]:
-    """Each history beside the modes that are kept, and each record up to a time (s) beside its samples."""
+def _of_histories(system: System, excitation: Excitation, end: float | None, initial: State) -> Iterator[PreflightRow]:
+    """Each history beside the modes that are kept, and each record up to a time (s) beside its samples and start."""
+    if initial.is_at_rest and initial.time == 0.0:
+        yield from _begin_in_motion(system, excitation)
     for what, value, unit, limit, text in drives_above_modes(excitation, system.highest_kept, system.first_left_out):
         yield row_of(what, value, unit, limit, text)
     if end is None:
@@ -242,6 +247,31 @@ def _of_histories(system: System, excitation: Excitation, end: float | None) -> 
         if math.isfinite(interval):
             what = f"change of the peak by straight lines between the samples of the record, {interval:.4g} s apart"
             yield row_of(what, abs(change), "1", DIFFERENCE, coarse_record(interval, change))
+
+
+def _begin_in_motion(system: System, excitation: Excitation) -> Iterator[PreflightRow]:
+    """The rms of a record's first period of the first mode over that of the whole record, which lasts 8 or more.
+
+    One that is larger by more than its inverse is a shock that begins at once.
+    """
+    first = first_elastic_frequency(system)
+    for which, _, part in named_parts(excitation):
+        line = getattr(part, "closed_form", None)
+        short = not isinstance(line, BrokenLine) or first * line.interval * len(line.samples) < PERIODS
+        if short or is_pulse(line.samples):
+            continue
+        early = line.samples[: math.ceil(1.0 / (first * line.interval)) + 1]
+        whole = float(np.std(line.samples))
+        share = float(np.std(early)) / whole if whole > 0.0 else 0.0
+        decay = 2.0 * math.pi * math.prod(first_resonance(without_impactors(system)))
+        left = f"falls to 37 % every 1/(zeta omega) = {rounded(1.0 / decay):g} s" if decay > 0.0 else "stays"
+        instead = (
+            f"the record{f' of {which}' * bool(which)} begins in motion (rms of its first {1e3 / first:.3g} ms: "
+            f"{100.0 * share:.3g} % of that of all), the run at rest: the transient of it {left}; begin with the "
+            "measured State(displacement, velocity)"
+        )
+        limit = BEGINS if share < 1.0 / BEGINS else math.nan
+        yield row_of("rms of the record's first period over that of the record", share, "1", limit, instead)
 
 
 def plan_notes(system: System, excitation: Excitation, duration: float, initial: State) -> tuple[str, ...]:

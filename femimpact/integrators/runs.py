@@ -156,7 +156,7 @@ def _with_remarks(
 ) -> Response:  # fmt: skip
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
     warnings = (
-        *drive_warnings(system, drive, end),
+        *drive_warnings(system, drive, end, start),
         *deflection_warnings(_largest_deflections(response, recorder), system.length),
     )
     notes = (

@@ -212,7 +212,7 @@ class State:
         Returns
         -------
         State
-            Balls are in the middle.
+            Balls are in the middle of their boxes, at rest.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class State:
         moved = float(row @ shape)
         still = abs(moved) <= STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
         require(not still, "at", name, "", f"must be a place that moves in mode {mode}")
-        return cls(displacement=amplitude / moved * shape)
+        return cls._with_balls(system, amplitude / moved * shape)
 
     @classmethod
     @takes(system=SYSTEM, force=quantity("N"), at=place())
@@ -244,7 +244,7 @@ class State:
         Returns
         -------
         State
-            Balls are in the middle.
+            Balls are in the middle of their boxes, at rest.
 
         Raises
         ------
@@ -255,7 +255,16 @@ class State:
         held = rigid_motions(system).shape[1] == 0
         require(held, "system", "one with rigid motions", "", "must be held: a force moves what is free without end")
         load = force * system.point_row(name) + np.asarray(system.constant_load)
-        return cls(displacement=solve_stiffness(system, load[:, None])[:, 0])
+        return cls._with_balls(system, solve_stiffness(system, load[:, None])[:, 0])
+
+    @classmethod
+    def _with_balls(cls, system: System, u: Array) -> State:
+        """The structure at rest where it is displaced (m), each ball in the middle of the box that it carries along."""
+        middles = [
+            0.5 * (pair.gaps[0] - pair.gaps[1]) if np.all(np.isfinite(pair.gaps)) else 0.0 for pair in system.balls
+        ]
+        carried = [float(pair.direction @ u) + middle for pair, middle in zip(system.balls, middles, strict=True)]
+        return cls(displacement=u, ball_displacement=carried or None)
 
     @classmethod
     @takes(system=SYSTEM, speed=quantity("m/s"))

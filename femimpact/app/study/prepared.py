@@ -259,7 +259,7 @@ def _of_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]
     """Warnings of the drive of the history, and of the highest frequency of the sweep."""
     study, small = prepared.study, prepared.small
     if "simulate" in parts:
-        yield from drive_warnings(small, study.excitation, study.history_duration)
+        yield from drive_warnings(small, study.excitation, study.history_duration, study.initial)
     else:
         yield from motion_warnings(study.excitation, small.length)
     if "sweep" in parts and study.sweep is not None:
