@@ -121,6 +121,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("memory_limit", "limit < LEAST_MEMORY and", "limit < 0.5 * LEAST_MEMORY and"),
     ),
     "test_starts_of_a_run.py": (
+        Mutation("rms_of_the_end", "np.sqrt(np.mean(kept**2))", "np.sqrt(np.mean(kept[kept.size // 2 :] ** 2))"),
         Mutation(
             "peak_of_the_run_under_a_force",
             'return "of the whole run" if self.frequency is None else "over the last third"',
@@ -141,6 +142,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         ),
     ),
     "test_best_case.py": (
+        Mutation("designs_beyond_a_limit", "(valued.size - kept.size, valued.size)", "(kept.size, valued.size)"),
         Mutation(
             "margin_within_the_scatter",
             "np.where(self.low > self.high[row], more, np.minimum(more, 0.0))",
@@ -367,6 +369,12 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_orbits.py": (Mutation("third_rate_of_a_gap", "self.omega * driven)", "0.9 * self.omega * driven)"),),
     "test_switching.py": (
         Mutation("dashpot_of_a_condition", "damped[:, None] * gap], axis", "-damped[:, None] * gap], axis"),
+    ),
+    "test_response.py": (
+        Mutation("one_extreme_that_repeats", "[maximum, minimum, np.sqrt(square / samples)]", "[maximum] * 3"),
+    ),
+    "test_sweep_levels.py": (
+        Mutation("level_of_a_peak", "(base[np.nanargmax(self.peak)] / base)", "(base / base[np.nanargmax(self.peak)])"),
     ),
     "test_branches.py": (
         Mutation(

@@ -582,7 +582,7 @@ def _draw_again(directory: Path, kind: str, quiet: bool) -> None:
 def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
-    from femimpact.app.report.result_conclusions import best_of, result_conclusions, result_warnings
+    from femimpact.app.report.result_conclusions import answer_of, best_of, result_conclusions, result_warnings
     from femimpact.app.report.result_page import tables_of
     from femimpact.app.results.picture_data import read_results
     from femimpact.app.results.result_directory import FILES, REPORT
@@ -606,6 +606,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
+        *([answer_of(findings, ())] if findings.history_without is not None else []),
         *conclusion_lines(result_conclusions(results, best_of(results))),
         # the report has them
         *(f"note: {text}" for text in findings.notes if not (directory / REPORT).is_file()),

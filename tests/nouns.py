@@ -277,7 +277,8 @@ VERBS = {
         "reference": fi.signals.DampingEstimate(0.01, 6.0, (0.009, 0.011), "fit"), "reference_peak": 2e-3, "peak": 1e-3
     }),
     "fit_one_pole": (fi.fit_one_pole, lambda: {
-        "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05
+        "frequency": CURVE[0], "amplitude": CURVE[1], "share": 0.2, "misfit_limit": 0.05,
+        "held": "displacement",
     }),
     "identify_decay": (fi.identify_decay, lambda: {"time": DECAY[0], "signal": DECAY[1], "modes": 1}),
     "half_power": (fi.signals.half_power, lambda: {"frequency": CURVE[0], "amplitude": CURVE[1]}),

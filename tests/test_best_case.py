@@ -291,6 +291,9 @@ def test_a_worst_case_at_an_end_of_its_axis_is_said_and_a_flat_axis_is_not():
     # names have no order
     names = dataset({GAP: GAPS[:2], "base.start": np.array(["base", "space"])}, {"peak": np.array([[1.0, 2], [3, 4]])})
     assert only(fi.best_case(names, "peak", ["base.start"])).worst_bounds == {}
+    # nor have seeds
+    seeds = dataset({GAP: GAPS[:2], "base.seed": [1.0, 2.0, 3.0]}, {"peak": np.array([[1.0, 2, 3], [4, 5, 6]])})
+    assert only(fi.best_case(seeds, "peak", ["base.seed"])).worst_bounds == {}
 
 
 def test_a_restitution_that_is_no_part_of_the_worst_counts_as_a_choice_and_says_so():
@@ -324,6 +327,8 @@ def test_limits_hold_for_the_largest_start_of_the_worst_case():
 
     assert (gap(50.0), gap(49.9), gap(19.0)) == (3e-3, 2e-3, 2e-3)
     assert only(fi.best_case(given, "peak", limits={"peak_force": 60.0})).limited == {"peak_force": 50.0}
+    unlimited, tight = (only(fi.best_case(given, "peak", limits=one)) for one in ({}, {"peak_force": 20.0}))
+    assert [unlimited.beyond, tight.beyond] == [(0, 6), (1, 6)]
     with pytest.raises(fi.InputError, match="no design keeps the limits: peak_force is 19000 mm at least"):
         fi.best_case(given, "peak", limits={"peak_force": 18.0})
 

@@ -107,6 +107,15 @@ def test_the_maxima_of_the_first_and_the_last_cycle_of_a_window_are_four_cycles_
     assert found.from_maxima == pytest.approx(np.full(len(found), 0.003), rel=2e-3)
 
 
+def test_a_linear_decay_of_two_modes_names_other_modes_as_a_cause():
+    other = (33.0, 0.002, 1.5, 0.3)
+    one = fi.identify_decay(TIME, decay(ONE, other), modes=1)
+    text = next(words for words in one.warnings if "no linear decay of one mode" in words)
+    assert "other modes" in text or "modes=2" in text
+    two = fi.identify_decay(TIME, decay(ONE, other), modes=2)
+    assert not any("no linear decay" in words for words in two.warnings)
+
+
 def test_ratio_follows_the_amplitude():
     # a' = -z w a - k a^2: the ratio at an amplitude is z + k a/w
     omega, z, k = 2 * np.pi * 5.3, 0.003, 0.004
@@ -116,7 +125,7 @@ def test_ratio_follows_the_amplitude():
     # three standard deviations at the smallest amplitude, 0.01 sqrt(2/19)/2.4/sqrt(10)/(2 pi) each
     assert found.damping_ratio == pytest.approx(z + k * found.amplitude / omega, rel=0.01, abs=2.1e-4)
     assert np.isnan(found.modes[0].damping_ratio_interval).all()
-    assert any("no linear decay" in one for one in found.warnings)
+    assert any("no linear decay of one mode" in one and "other modes" in one for one in found.warnings)
     # a sum of two damped sines is not offered for it
     assert not any("modes=2" in one for one in found.warnings)
 

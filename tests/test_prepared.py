@@ -409,3 +409,66 @@ def test_a_damaged_summary_is_one_line_with_its_key(damaged, key):
         read_findings(damaged)
     assert "the summary is damaged" in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+RULER = """
+[beam]
+length = "300 mm"
+width = "25 mm"
+thickness = "1 mm"
+young_modulus = "210 GPa"
+density = 7850
+[mesh]
+elements = 10
+[[stop]]
+name = "stop"
+at = "tip"
+gap = ["5 mm", inf]
+contact = { law = "rigid", restitution = 0.7 }
+[damping]
+ratio = 0.02
+modes = [1, 2]
+[reduction]
+modes = 2
+[base]
+amplitude = "0.3 mm"
+frequency = 9.1
+duration = 5.0
+[method]
+name = "event-driven"
+[sweep]
+start = 8.5
+stop = 10.0
+points = 31
+cycles = 150
+"""
+BALL = """
+[[impactor]]
+name = "ball"
+at = "tip"
+mass = "1 g"
+gap = "1 mm"
+contact = { law = "rigid", restitution = 0.7 }
+"""
+
+
+def test_without_stop_is_without_it(tmp_path):
+    prepared = runs.prepare(read_study(RULER, tmp_path / "study.toml"))
+    swept = runs.run_sweep(prepared)
+    exact = 3e-4 * np.abs(
+        fi.transfer_function(prepared.bare, swept.empty.frequency, to="tip", of="base.displacement")["tip"]
+    )
+    np.testing.assert_allclose(swept.empty.peak, exact, rtol=1e-3)
+    met = swept.ball.impacts_per_cycle > 0.0
+    # where it would go beyond its stop it meets it
+    assert np.all(met[exact > 5.1e-3])
+    assert not np.all(met)
+    assert exact.max() > 10e-3
+    np.testing.assert_allclose(swept.ball.peak[~met], exact[~met], rtol=1e-3)
+    assert swept.empty.damping.ratio == pytest.approx(0.02, rel=1e-2)
+
+
+def test_without_ball_a_stop_stays(tmp_path):
+    prepared = runs.prepare(read_study(RULER + BALL, tmp_path / "study.toml"))
+    assert prepared.carried == "ball"
+    assert [pair.name for pair in prepared.bare.contacts] == ["stop"]

@@ -625,6 +625,19 @@ def test_the_answer_of_a_sweep_says_what_the_ball_does():
     assert "8 times more" in answer_of(Findings(sweep=larger), ())
 
 
+def test_two_runs_named_without_and_with_are_compared(tmp_path):
+    system = fi.without_impactors(reduced(REFERENCE, 1, 6))
+    one, half = (
+        fi.integrate(system, fi.Shock("half-sine", acceleration=a, duration=0.05), fi.EventDriven(), 2.0)
+        for a in (1.0, 0.5)
+    )
+    page = fi.report(tmp_path / "page.html", {"Without ball": one, "With ball": half}).read_text(encoding="utf-8")
+    words = page[page.index("The ball lowers the rms of the tip from ") :].partition("<")[0]
+    assert words.count("2 times less") == 2
+    other = fi.report(tmp_path / "other.html", {"Without ball": one, "With balls": half}).read_text(encoding="utf-8")
+    assert "times less" not in other
+
+
 @pytest.mark.usefixtures("empty_pictures")
 def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(results):
     text = write_report(results, results / "sheet.html", True).read_text(encoding="utf-8")
@@ -663,17 +676,19 @@ def test_orbits_branches_spectra_preflights_and_figures_are_parts_of_a_page(tmp_
         "A transfer function": fi.transfer_function(fi.without_impactors(system), np.linspace(5.0, 5.6, 9)),
         "A figure of mine": figure,
     }
+    shock = fi.shock_response_spectrum(fi.Shock("half-sine", acceleration=10.0, duration=0.01), [20.0, 80.0, 200.0])
     preflight = fi.preflight(system, base, duration=60.0)
     text = fi.report(tmp_path / "page.html", {**parts, "A test": preflight}).read_text(encoding="utf-8")
     alone = {
         name: fi.report(tmp_path / "one.html", {name: part}).read_text(encoding="utf-8")
-        for name, part in {**parts, "A test": preflight}.items()
+        for name, part in {**parts, "A test": preflight, "A shock": shock}.items()
     }
     pyplot.close("all")
     answers = {name: one.partition('class="answer">')[2].partition("</p>")[0] for name, one in alone.items()}
     assert f"{1e3 * orbit.steady().peak.max():.4g} mm, stable, period" in answers["An orbit"]
-    stable, count = int(parts["A branch"].is_stable.sum()), len(parts["A branch"])
-    assert f"Hz, {stable} of {count} orbits stable" in answers["A branch"]
+    assert parts["A branch"].is_stable.all()
+    assert "Hz, all of them stable" in answers["A branch"]
+    assert "16.51 m/s" in answers["A shock"]
     assert "at 5.3 Hz" in answers["A transfer function"]
     assert "Limits that are passed" in answers["A test"]
     assert 'class="answer"' not in alone["A figure of mine"]

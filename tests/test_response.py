@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import femimpact as fi
+from femimpact.response.cycles import cycle_statistics, steady_motion
 from femimpact.response.impacts import IMPACT_UNITS, impact_statistics
 
 pytestmark = pytest.mark.impacts
@@ -206,6 +207,41 @@ def test_impacts_lie_in_order_and_their_columns_agree(small):
     np.testing.assert_array_equal(table.restitution, table.rebound_speed / table.approach_speed)
 
 
+PHASE = np.linspace(0.0, 80.0 * np.pi, 40 * 64, endpoint=False)
+WHIMS = np.repeat(np.random.default_rng(2).uniform(1.0, 2.0, 40), 64)
+MOTIONS = {
+    "one cycle": (np.sin(PHASE), True),
+    "two cycles": (np.sin(PHASE) + 0.3 * np.cos(0.5 * PHASE), True),
+    "two impacts on a stop": (np.minimum(np.sin(PHASE) + 0.5 * np.sin(3.0 * PHASE), 0.4), True),
+    "a beat": (np.sin(PHASE) + 0.1 * np.sin(np.sqrt(2.0) * PHASE), False),
+    # a stop holds the upper extreme, two hold both
+    "one stop": (np.minimum(WHIMS * np.sin(PHASE), 0.5), False),
+    "two stops": (np.sign(np.sin(PHASE)) * np.abs(np.sin(PHASE)) ** WHIMS, False),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_periodic_is_what_repeats_on_both_sides_and_between(name):
+    values, repeats = MOTIONS[name]
+    cycles = cycle_statistics(values, PHASE, np.arange(0, PHASE.size, 64))
+    found = steady_motion(cycles, np.array([40]))
+    assert (found.steadiness[0] == "periodic") == repeats
+
+
+@pytest.mark.parametrize(("modes", "repeats"), [(1, True), (4, False)])
+def test_steadiness_and_regime_of_a_ruler_on_a_stop_say_the_same(modes, repeats):
+    beam = fi.Beam.uniform(length=0.3, width=0.025, thickness=1e-3, young_modulus=210e9, density=7850)
+    stop = fi.Stop("stop", at="tip", gap=(5e-3, np.inf), contact=fi.Rigid(0.7))
+    structure = fi.Structure(beam, stops=[stop], damping=fi.Rayleigh(ratio=0.005, modes=(1, 2)))
+    system = fi.reduce(fi.assemble(structure, elements=10), modes=modes)
+    run = fi.integrate(system, fi.Sine(3e-4, 10.0), fi.EventDriven(), 30.0)
+    curve = fi.frequency_sweep(system, 3e-4, [10.0], fi.EventDriven(), 300)
+    assert run.impacts.time.size > 200
+    assert (run.regime.kind == "periodic") == repeats
+    assert (run.steady.steadiness[0] == "periodic") == repeats
+    assert curve.is_sample[0] == (not repeats)
+
+
 def test_steady_motion_of_a_settled_linear_run(reference):
     structure = fi.Structure(reference.beam, reference.masses, damping=fi.Rayleigh(ratio=0.05, modes=(1, 2)))
     system = fi.reduce(fi.assemble(structure, elements=8), modes=2)
@@ -217,6 +253,9 @@ def test_steady_motion_of_a_settled_linear_run(reference):
     assert steady.rms[0] == pytest.approx(np.sqrt(np.mean(tip[last] ** 2)), rel=1e-3)
     assert steady.first_harmonic[0] == pytest.approx(np.sqrt(2) * steady.rms[0], rel=1e-4)
     assert steady.steadiness[0] == "periodic"
+    # cycles of 58 and 59 samples, as of instants that do not divide a cycle
+    uneven = fi.integrate(system, fi.Sine(3e-4, 10.0), fi.EventDriven(), 12.0, fi.Recorder(interval=1.7e-3))
+    assert uneven.steady.steadiness[0] == "periodic"
 
 
 def test_a_run_shorter_than_a_cycle_has_no_amplitude(small):

@@ -10,7 +10,9 @@ import pytest
 from builders import read_study, same_study, study_text
 
 import femimpact as fi
+from femimpact.app.parametric.dataset import labels_of
 from femimpact.app.results.picture_data import read_results
+from femimpact.app.tasks.study_command import definition_of, plan_of_cases
 
 ROWS = ((4.0, 0.2), (5.0, 0.4), (6.0, 0.4))
 
@@ -34,6 +36,33 @@ def test_each_frequency_has_its_level() -> None:
     assert curve.to_xarray().attrs["base_acceleration_m_s2"].tolist() == np.ravel(ROWS).tolist()
     one = fi.frequency_sweep(oscillator(), frequencies=[5.0], method=method, cycles=300, acceleration=0.4)
     assert one.peak[0] == pytest.approx(curve.peak[2], rel=1e-12)
+
+
+@pytest.mark.parametrize("level", [0.4, ((4.0, 0.1), (5.0, 0.3), (6.0, 3.0))])
+def test_damping_is_that_of_the_curve_over_the_motion_of_the_base(level: Any) -> None:
+    frequencies = np.linspace(4.0, 6.0, 161)
+    method: Any = fi.EventDriven()
+    curve = fi.frequency_sweep(oscillator(), frequencies=frequencies, method=method, cycles=600, acceleration=level)
+    assert (curve.damping.ratio, curve.damping.frequency) == (
+        pytest.approx(0.01, rel=1e-4),
+        pytest.approx(5.0, rel=1e-6),
+    )
+    # half-power has the error of straight lines between the points
+    assert curve.damping_half_power.ratio == pytest.approx(0.01, rel=0.02)
+    # the peaks as they are do not have them
+    assert fi.fit_one_pole(curve.frequency, curve.peak).frequency != pytest.approx(5.0, rel=2e-4)
+
+
+def test_a_fit_knows_what_of_the_base_is_held() -> None:
+    f = np.linspace(4.0, 6.0, 161)
+    per_acceleration = np.abs(fi.transfer_function(oscillator(), f, to="tip")["tip"])
+    fits = {held: fi.fit_one_pole(f, per_acceleration, held=held) for held in ("acceleration", "displacement")}
+    right, wrong = fits["acceleration"], fits["displacement"]
+    assert (right.ratio, right.frequency) == (pytest.approx(0.01, rel=1e-9), pytest.approx(5.0, rel=1e-9))
+    assert right.warnings == ()
+    assert wrong.frequency != pytest.approx(5.0, rel=2e-4)
+    with pytest.raises(fi.InputError, match="held"):
+        fi.fit_one_pole(f, per_acceleration, held="velocity")
 
 
 def study(tmp_path: Path, acceleration: str) -> fi.app.Study:
@@ -78,3 +107,19 @@ def test_a_sweep_beyond_its_rows_is_refused(tmp_path: Path) -> None:
         fi.InputError, match=r"sweep\.acceleration: must reach from 4 to 6 Hz; its rows go from 4 to 5 Hz"
     ):
         study(tmp_path, '[["4 Hz", "0.2 mm"], [5, "0.03 g"]]')
+
+
+def test_a_study_says_that_the_level_of_the_sweep_is_not_its_own(tmp_path: Path) -> None:
+    cases = '\n[study]\nmeasures = ["peak"]\n[study.axes]\n'
+    for line, said in (('"base.frequency" = [5.0, 5.2]', True), ('"base.amplitude" = ["0.1 mm", "0.2 mm"]', False)):
+        text = study_text(study(tmp_path, '"0.03 g"')).partition("\n[study")[0]
+        one = read_study(f"{text}{cases}{line}\n", tmp_path / "study.toml")
+        words = "the acceleration of [sweep] is not that of the cases: base.amplitude is 0.0002037 m"
+        assert (f"study: {words}" in plan_of_cases(one).lines) == said
+        assert (words in labels_of(definition_of(one))["attributes"]["warnings"]) == said
+    text = (
+        study_text(study(tmp_path, '"0.03 g"')).partition("\n[study")[0] + f'{cases}"base.acceleration" = ["0.1 g"]\n'
+    )
+    with pytest.raises(fi.InputError, match=r"a study varies base\.amplitude") as error:
+        definition_of(read_study(text, tmp_path / "study.toml"))
+    assert "did you mean" not in str(error.value)

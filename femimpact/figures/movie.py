@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import thinned
 from femimpact.errors import instance, optional, quantity, require, takes
 from femimpact.excitation.excitation import words_of
 from femimpact.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.files import atomic_path, target_path
-from femimpact.response.history import Snapshots
+from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, ball_radius
 from femimpact.scene.scene import (
@@ -79,7 +78,8 @@ def write_movie(
     fps : int
         Frames per second.
     most : int
-        At most so many frames, evenly thinned.
+        At most so many frames, evenly thinned. Of a run in which a period would have fewer than 12 of them they show
+        the last periods; without a cycle, as of a decay or a shock, the first.
 
     Returns
     -------
@@ -180,7 +180,7 @@ def _film(response: Response, structure: Structure, exaggeration: float | None, 
     if exaggeration is None:
         motion = snapshots.displacement[:, 0::2], snapshots.ball_displacement
         exaggeration = chosen_exaggeration(*motion, structure, response.system.balls)
-    chosen = thinned(snapshots.time.size, most)
+    chosen = shown_snapshots(snapshots, response.base, response.system, most)
     span = float(snapshots.time[chosen[-1]] - snapshots.time[chosen[0]])
     slow = f"   Slowed {number_text((chosen.size - 1) / fps / span, 2)} times." if span > 0.0 else ""
     words = words_of(response.base)

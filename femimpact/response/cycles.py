@@ -128,10 +128,11 @@ def steady_motion(
 ) -> SteadyMotion:
     """Amplitudes and steadiness over the last cycles of a run.
 
-    The motion is "periodic" when the cycle maxima repeat after 1 to `longest_period` cycles within
-    `periodic_tolerance` of the largest; else "statistical" when the rms of the window's two halves
-    agree within `statistical_tolerance`, or when their mean squares differ by fewer than
-    `standard_errors` of the scatter between the window's eight parts; else "transient".
+    The motion is "periodic" when the maximum, the minimum and the rms of cycles repeat after 1 to `longest_period`
+    cycles within `periodic_tolerance` of the peak: a rigid stop holds one extreme in place, whatever the motion does.
+    Where cycles have unlike numbers of samples the rms may differ by one sample's share more. Else it is "statistical"
+    when the rms of the window's two halves agree within `statistical_tolerance`, or when their mean squares differ by
+    fewer than `standard_errors` of the scatter between the window's eight parts; else "transient".
 
     Raises `InputError` if an argument is of the wrong kind or out of range.
     """
@@ -158,10 +159,15 @@ def steady_motion(
         in_phase, in_quadrature = 2.0 * _total(sine) / total, 2.0 * _total(cosine) / total
         rms = np.sqrt(_total(square) / total)
         even = _halves_agree(square / samples, length, statistical_tolerance, standard_errors)
-    periodic = _repeats(maximum, in_window, periodic_tolerance, longest_period)
+        readings = np.array([maximum, minimum, np.sqrt(square / samples)])
+    peak = np.abs(np.maximum(maximum, -minimum).max(axis=0))
+    most = np.max(samples, axis=0, where=in_window, initial=1.0)
+    uneven = 1.0 - np.min(samples, axis=0, where=in_window, initial=np.inf) / most
+    allowed = peak * np.array([np.full(cases, periodic_tolerance)] * 2 + [periodic_tolerance + np.maximum(uneven, 0.0)])
+    periodic = _repeats(readings, in_window, allowed, longest_period)
     return made(
         SteadyMotion,
-        peak=np.where(length > 0, np.abs(np.maximum(maximum, -minimum).max(axis=0)), np.nan),
+        peak=np.where(length > 0, peak, np.nan),
         rms=rms,
         first_harmonic=np.hypot(in_phase, in_quadrature),
         phase=np.arctan2(in_quadrature, in_phase),
@@ -200,18 +206,18 @@ def _total(values: Array) -> Array:
     return np.asarray(np.cumsum(values, axis=0)[-1])
 
 
-def _repeats(maximum: Array, in_window: NDArray[np.bool_], tolerance: float, longest_period: int) -> NDArray[np.bool_]:
-    """True for cases that repeat their maxima after a few cycles; rows lead back from the end."""
-    scale = tolerance * np.max(np.abs(maximum), axis=0)
-    repeats = np.zeros(maximum.shape[1], dtype=bool)
-    for period in range(1, min(longest_period, maximum.shape[0] // 2) + 1):
-        both = in_window[period:]
-        change = np.max(np.abs(maximum[period:] - maximum[:-period]), axis=0, where=both, initial=0.0)
+def _repeats(readings: Array, in_window: NDArray[np.bool_], allowed: Array, longest_period: int) -> NDArray[np.bool_]:
+    """True for cases that repeat their readings (readings, rows, cases) after a few cycles, rows from the end back."""
+    rows, cases = in_window.shape
+    repeats = np.zeros(cases, dtype=bool)
+    for period in range(1, min(longest_period, rows // 2) + 1):
+        change = np.abs(readings[:, period:] - readings[:, :-period])
+        near = np.max(change, axis=1, where=in_window[period:], initial=0.0) <= allowed
         # a slow drift also repeats from cycle to cycle: all of the window must stay level
-        strobed, counts = maximum[::period], in_window[::period]
-        high = np.max(strobed, axis=0, where=counts, initial=-np.inf)
-        low = np.min(strobed, axis=0, where=counts, initial=np.inf)
-        repeats |= (in_window.sum(axis=0) >= 2 * period) & (change <= scale) & (high - low <= scale)
+        strobed, counts = readings[:, ::period], in_window[::period]
+        high = np.max(strobed, axis=1, where=counts, initial=-np.inf)
+        low = np.min(strobed, axis=1, where=counts, initial=np.inf)
+        repeats |= (in_window.sum(axis=0) >= 2 * period) & np.all(near & (high - low <= allowed), axis=0)
     return repeats
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.arrays import Array
+from femimpact.arrays import Array, Integers, thinned
 from femimpact.errors import (
     changed,
     check_fields,
@@ -31,10 +31,14 @@ from femimpact.excitation.excitation import MEMBERS, Excitation, has_cycle
 from femimpact.response.channels import channel_key
 from femimpact.response.energy import EnergyLedger
 from femimpact.structure.structure import Position
+from femimpact.system.system import System
 from femimpact.table import Head, head_of_columns, short_repr
 
 if TYPE_CHECKING:
     import xarray
+
+FRAMES_OF_PERIOD = 12
+"""Frames of a period below which its motion is not seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,23 @@ class Snapshots:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+
+def shown_snapshots(snapshots: Snapshots, base: Excitation, system: System, most: int) -> Integers:
+    """Numbers of at most so many snapshots that are shown, evenly spread over the run or over a part of it.
+
+    Where a period of the drive, or without a cycle of the first mode, would have fewer than `FRAMES_OF_PERIOD`, they
+    are the last of the run, or without a cycle the first.
+    """
+    count, cyclic = snapshots.time.size, has_cycle(base)
+    # not known of a system read from results, whose snapshots are a part already
+    frequency = base.frequency if cyclic else system.first_frequency
+    span = FRAMES_OF_PERIOD * frequency * float(snapshots.time[-1] - snapshots.time[0])
+    stride = max(int((count - 1) / span), 1) if span > 0.0 else count
+    if count <= most * stride:
+        return thinned(count, most)
+    first = count - 1 - stride * (most - 1) if cyclic else 0
+    return first + stride * np.arange(most)
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,8 +149,9 @@ class DecayFit:
         if not pattern:
             return "", False
         share = f"{number_text(100.0 * size, 2)} % of the largest value"
-        words = f"no linear decay, and no interval: the misfit of {share} is no noise: {pattern}"
         count = self.means.poles.size + 1
+        modes = "one mode" if count == 2 else f"{count - 1} modes"
+        words = f"no linear decay of {modes}, and no interval: the misfit of {share} is no noise: {pattern}"
         other = seen_fit(x, interval, count) if count <= 3 else None
         if other is not None:
             poles, end = other.means.poles, other.means.time[-1]
@@ -158,7 +159,8 @@ class DecayFit:
                 frequencies = " and ".join(f"{p.imag / (2.0 * math.pi):.4g}" for p in poles)
                 words += f". {count} modes, of {frequencies} Hz, leave noise alone: modes={count}"
                 return f"{words}; with fewer there is no interval over the amplitude either", True
-        return f"{words}. Read the ratio over the amplitude", False
+        causes = "other modes, which a filter or modes= takes out, or a damping that depends on the amplitude"
+        return f"{words}. Causes: {causes}: read the ratio over the amplitude", False
 
     def _uneven(self) -> str:
         """Words where the misfit falls or rises with the amplitude."""

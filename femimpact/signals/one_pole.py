@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
-from femimpact.errors import check_fields, quantity, real_array, require, require_type, takes, text, warns
+from femimpact.errors import check_fields, quantity, real_array, require, require_name, require_type, takes, text, warns
 from femimpact.response.cycles import peak_resolution, resolution_warnings
 from femimpact.units import interval_texts, number_text
 
@@ -180,12 +180,16 @@ def one_pole_amplitude(
 @warns
 @takes(share=quantity("1", at_least=0.0, at_most=1.0), misfit_limit=quantity("1", at_least=0.0))
 def fit_one_pole(
-    frequency: ArrayLike, amplitude: ArrayLike, share: float = 0.2, misfit_limit: float = 0.05
+    frequency: ArrayLike,
+    amplitude: ArrayLike,
+    share: float = 0.2,
+    misfit_limit: float = 0.05,
+    held: str = "displacement",
 ) -> DampingEstimate:
     """Least-squares fit of one mode under base motion to a response curve.
 
     Minimises the sum of (|X_i| - scale f^2/|f0^2 - f^2 + 2 i zeta f0 f|)^2 over scale, f0 and zeta;
-    see `one_pole_amplitude`.
+    see `one_pole_amplitude`. At constant acceleration X_i is the amplitude times f_i^2.
 
     Parameters
     ----------
@@ -197,6 +201,9 @@ def fit_one_pole(
         nearest. Those between that are lower count too: a choice by each value would keep the noise that raises it.
     misfit_limit : float, 1
         A root-mean-square misfit above this share of the peak is warned of.
+    held : {"displacement", "acceleration"}
+        What of the base has one amplitude at all frequencies. A curve under a force is like one at constant
+        acceleration; one at any other level is divided by the base's displacement first.
 
     Returns
     -------
@@ -209,7 +216,10 @@ def fit_one_pole(
     """
     from scipy.optimize import leastsq
 
+    require_name(held, ("displacement", "acceleration"), "held")
     f, x = checked_curve(frequency, amplitude, 4)
+    if held == "acceleration":
+        x = x * f**2
     top = int(np.argmax(x))
     if top in (0, f.size - 1):
         message = f"no resonance within {f[0]:g} to {f[-1]:g} Hz: the largest amplitude is at the edge, {f[top]:.4g} Hz"

@@ -231,17 +231,28 @@ class FrequencyResponse:
         """True if the largest peak of the curve has a transient of the start in it."""
         return bool(self.has_transient[np.nanargmax(self.peak)])
 
+    @property
+    def peak_at_one_level(self) -> Array:
+        """Peaks (n,) times the share of the base's displacement at the largest one in that at their own frequency.
+
+        Of a linear structure they are the curve at constant displacement of the base, from which damping is read.
+        """
+        if not self.acceleration:
+            return self.peak
+        base = self.base_amplitude
+        return np.asarray(self.peak * (base[np.nanargmax(self.peak)] / base))
+
     @cached_property
     def damping(self) -> DampingEstimate:
-        """One-pole fit of the peak curve."""
+        """One-pole fit of `peak_at_one_level`."""
         with warnings_left_to_caller():
-            return fit_one_pole(self.frequency, self.peak)
+            return fit_one_pole(self.frequency, self.peak_at_one_level)
 
     @cached_property
     def damping_half_power(self) -> DampingEstimate:
-        """Half-power estimate of the peak curve."""
+        """Half-power estimate of `peak_at_one_level`."""
         with warnings_left_to_caller():
-            return half_power(self.frequency, self.peak)
+            return half_power(self.frequency, self.peak_at_one_level)
 
     @property
     def peak_amplitude(self) -> float:

@@ -368,7 +368,7 @@ class _Designs:
         without = tuple(
             (self._told(self.first[row], self.chosen), self._why(row)) for row in rows[~self.has_value[rows]]
         )
-        kept = rows[self.has_value[rows]]
+        valued = kept = rows[self.has_value[rows]]
         reason = "" if kept.size else f"no design has a value{f': {without[0][1]}' if without else ''}"
         for limit in self.limits.values():
             kept = kept[limit.worst[kept] <= limit.bound]
@@ -390,6 +390,7 @@ class _Designs:
             tuple(self._margins(row, rows)), without, "", tuple((self.sign * self.value[alike]).tolist()),
             self._worst_bounds(row), self._groups(case),
             tuple(self._groups(self._worst_case(other)) for other in alike), self._over_uncertain(row, rows),
+            (valued.size - kept.size, valued.size),
         )  # fmt: skip
 
     def _worst_case(self, row: int) -> int:
@@ -410,7 +411,12 @@ class _Designs:
         found = dict[str, str]()
         for axis in self.worst:
             values, codes = self.values[axis], self.codes[axis][cases]
-            if len(values) > 1 and all(isinstance(value, (int, float)) for value in values):
+            # a seed is a name that happens to be a number
+            if (
+                len(values) > 1
+                and not axis.endswith(".seed")
+                and all(isinstance(value, (int, float)) for value in values)
+            ):
                 for end, code in (("lowest", 0), ("highest", len(values) - 1)):
                     if (codes == code).all():
                         found[axis] = end

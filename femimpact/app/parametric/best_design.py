@@ -104,6 +104,8 @@ class BestDesign:
     over_uncertain : float
         Worst value where the axes in `BestCase.uncertain` have any of their values; not a number without such axes, or
         without another one to choose on.
+    beyond : tuple of int
+        How many designs do not keep the limits, and how many have a value.
     """
 
     at: Mapping[str, Any]
@@ -123,6 +125,7 @@ class BestDesign:
     groups: tuple[float, ...] = ()
     alike_groups: tuple[tuple[float, ...], ...] = ()
     over_uncertain: float = math.nan
+    beyond: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +210,8 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         limit = best.limits[name]
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
         yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
+    if design.beyond[0]:
+        yield "{} of {} designs do not keep the limits".format(*design.beyond)
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

@@ -147,6 +147,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
     """Labels of the dataset of a study, in types of JSON."""
     table = study.table
     warnings = [*(str(row) for row in axis_rows(study) if row.passed), *contact_notes(study.nominal)]
+    warnings += level_remarks(study)
     return {
         "dims": [place.path for place in table.places] if table.is_grid else ["case"],
         "shape": list(table.shape),
@@ -225,6 +226,14 @@ def _drive(study: ParameterStudy) -> str:
     ]
     of_axes = [f"{name} as its axis has it" for name in units if name in varied]
     return ", ".join(["a sine of the base", *fixed, *of_axes])
+
+
+def level_remarks(study: ParameterStudy) -> list[str]:
+    """That cases do not have the acceleration of [sweep], where it has one and no axis is the amplitude."""
+    plan: Any = getattr(study.study, "sweep", None)
+    if plan is None or plan.acceleration is None or any(place.path == "base.amplitude" for place in study.table.places):
+        return []
+    return [f"the acceleration of [sweep] is not that of the cases: base.amplitude is {study.base['amplitude']:g} m"]
 
 
 def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:

@@ -257,6 +257,9 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
+    if path == "base.acceleration" and "base.amplitude" in known:
+        words = "is for a sweep alone: a study varies base.amplitude, the acceleration over (2 pi base.frequency)^2"
+        return Fault(path, None, "", words)
     return Fault(path, None, "", suggestion(path, known))
 
 

@@ -69,6 +69,9 @@ def channel_table(found: Findings) -> Table | None:
     if history is None:
         return None
     names = {"largest_of_run": "largest of the run", "largest": "largest over the last third", "rms": "rms there"}
+    if history.frequency is None:
+        names = {"largest_of_run": "largest of the run", "rms": "its rms"}
+    bare = {} if found.history_without is None else found.history_without.channels
     rows = []
     for name, channel in history.channels.items():
         # the impulses of a rigid pair that has collided are those of its contact
@@ -76,13 +79,15 @@ def channel_table(found: Findings) -> Table | None:
             spreads = starts.channels.get(name, {}) if starts is not None else {}
             cells = (history_words(spreads.get(key), getattr(channel, key), channel.unit) for key in names)
             own = [unit_text(channel.largest_of_run, channel.unit)] if starts is not None else []
-            rows.append((name, *cells, *own, channel.time_of_largest))
+            alone = [history_words(None, getattr(bare[name], key), channel.unit) for key in names if name in bare]
+            rows.append((name, *cells, *(alone or [""] * len(names) * bool(bare)), *own, channel.time_of_largest))
     title, own = "Channels of the history", list[str]()
     if starts is not None:
         title, own = f"{title}: medians and ranges of {starts.count} starts", ["largest of the study's own start"]
     elif history.peak_is_one_start:
         title = f"{title}: {ONE_START}"
-    header = ("channel", *names.values(), *own, "at (s)")
+    of_bare = [f"{words} without {found.carried}" for words in names.values() if bare]
+    header = ("channel", *names.values(), *of_bare, *own, "at (s)")
     return Table(title, header, tuple(rows)) if rows else None
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from femimpact.app.report.markup import Element, data_element, element, svg_element
 from femimpact.arrays import Array, thinned
 from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, legend_above, panel
-from femimpact.response.history import Snapshots
+from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, placed_structure
@@ -73,9 +73,9 @@ def frames_of(response: Response) -> Frames | None:
     if snapshots.displacement.shape[1] != 2 * nodes.size:
         return None
     contacts = list(response.system.contacts)
-    grid = thinned(snapshots.time.size, MOST_SNAPSHOTS)
-    hits = _hits(response.impacts, snapshots, [pair.name for pair in contacts])
-    times = np.unique(np.concatenate([snapshots.time[grid], hits["time"]]))
+    grid = snapshots.time[shown_snapshots(snapshots, response.base, response.system, MOST_SNAPSHOTS)]
+    hits = _hits(response.impacts, grid, [pair.name for pair in contacts])
+    times = np.unique(np.concatenate([grid, hits["time"]]))
     stations = _stations(nodes, [pair.position for pair in contacts])
     rows, slopes = (hermite_rows(nodes, stations, order).toarray() for order in (0, 1))
     displacement = _between(snapshots, times)
@@ -98,10 +98,10 @@ def frames_of(response: Response) -> Frames | None:
     return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, events)
 
 
-def _hits(impacts: Impacts, snapshots: Snapshots, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _hits(impacts: Impacts, shown: Array, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Impacts within the snapshots: time, number of the contact, side; the hardest where there are too many."""
     number = {name: j for j, name in enumerate(names)}
-    within = (impacts.time >= snapshots.time[0]) & (impacts.time <= snapshots.time[-1])
+    within = (impacts.time >= shown[0]) & (impacts.time <= shown[-1])
     within &= np.isin(impacts.impactor, names) if names else np.zeros(within.shape, dtype=bool)
     chosen = np.flatnonzero(within)
     if chosen.size > MOST_IMPACTS:

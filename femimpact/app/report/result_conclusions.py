@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+ORDERED = "of the response without contacts"
+"""What has an order of convergence. Forces of contacts have none, and take more modes."""
+
 NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
 """Labels, or their beginnings, of conclusions of which the answer is made."""
 
@@ -74,11 +77,16 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     empty, ball = (findings.sweep.get(case) for case in ("empty", "ball"))
     if empty is not None and ball is not None and _known(empty.peak_amplitude) and _known(ball.peak_amplitude):
         return _answer_of_sweep(findings, empty, ball)
+    history, without = findings.history, findings.history_without
+    if history is not None and without is not None:
+        starts = findings.history_starts
+        median = (history.peak, history.rms) if starts is None else (starts.peak.median, starts.rms.median)
+        return answer_of_runs(findings.carried, (without.peak, without.rms), median)
     needed = [one for one in conclusions if one.label.startswith(NEEDED)]
     if needed:
         counts = " and ".join(f"{one.value} {one.label.removeprefix(NEEDED)}" for one in needed)
         asked = f"relative error of {findings.accuracy:g}" if findings.accuracy is not None else "small error"
-        return f"A {asked} takes {counts}."
+        return f"A {asked} {ORDERED} takes {counts}."
     if findings.orbits is not None and findings.orbits.branches:
         one, plural = conclusions[0], "es" * (len(findings.orbits.branches) > 1)
         return f"{one.value} branch{plural} of periodic orbits {one.note}."
@@ -98,16 +106,31 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     peak = median.get("peak_amplitude", ball.peak_amplitude)
     frequency = median.get("peak_frequency", ball.peak_frequency)
     ratio = median.get("amplitude_ratio", empty.peak_amplitude / peak)
-    carried, lower = findings.carried, ratio >= 1.0
-    one = not (carried.endswith("s") or " and " in carried)
-    verb = f"{'lower' if lower else 'raise'}{'s' * one}"
-    factor = number_text(ratio if lower else 1.0 / ratio, 3)
-    times = "practically the same" if factor == "1" else f"{factor} times {'less' if lower else 'more'}"
+    verb, factor = _change(findings.carried, ratio)
     return (
-        f"The {carried} {verb} the largest motion of the tip from {quantity_text(empty.peak_amplitude, 'm', 3)} at "
-        f"{number_text(empty.peak_frequency, 3)} Hz to {quantity_text(peak, 'm', 3)} at "
-        f"{number_text(frequency, 3)} Hz: {times}."
+        f"The {findings.carried} {verb} the largest motion of the tip from "
+        f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "
+        f"{quantity_text(peak, 'm', 3)} at {number_text(frequency, 3)} Hz: {factor}."
     )
+
+
+def answer_of_runs(carried: str, without: tuple[float, float], found: tuple[float, float]) -> str:
+    """By how much rms and peak (m) of the tip differ with what the structure carries; "" where they are not known."""
+    texts = []
+    for name, before, after in zip(("largest motion", "rms"), without, found, strict=True):
+        if before > 0.0 and after > 0.0:
+            verb, factor = _change(carried, before / after)
+            change = f"from {quantity_text(before, 'm', 3)} to {quantity_text(after, 'm', 3)}, {factor}"
+            texts.append(f"{verb} the {name} of the tip {change}")
+    return f"The {carried} {', and '.join(reversed(texts))}." if texts else ""
+
+
+def _change(carried: str, ratio: float) -> tuple[str, str]:
+    """What a body does by the ratio of a motion without it to that with it, and by how much."""
+    lower, one = ratio >= 1.0, not (carried.endswith("s") or " and " in carried)
+    factor = number_text(ratio if lower else 1.0 / ratio, 3)
+    change = "practically the same" if factor == "1" else f"{factor} times {'less' if lower else 'more'}"
+    return f"{'lower' if lower else 'raise'}{'s' * one}", change
 
 
 def result_warnings(results: ResultReading) -> tuple[str, ...]:
@@ -292,7 +315,7 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
     over = f"over the last third of the cycles {at}" if cyclic else history.window_of_peaks
     of_peak, of_rms = (None, None) if starts is None else (starts.peak, starts.rms)
     rms = history_words(of_rms, history.rms, "m")
-    details = (f"rms {rms} over the last third{f'; the motion is {history.steadiness}' if cyclic else ''}",)
+    details = (f"rms {rms} {history.window_of_peaks}{f'; the motion is {history.steadiness}' if cyclic else ''}",)
     yield from _of_history(
         findings,
         history,
@@ -303,12 +326,22 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
         note=over + _settling(history),
         details=details if rms else (),
     ) or [Conclusion(PEAK_OF_TIP, "none", note="the history is shorter than a cycle")]
+    without = findings.history_without
+    if without is not None:
+        label, rms = f"{PEAK_OF_TIP} without {findings.carried}", history_words(None, without.rms, "m")
+        yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
     for name, channel in history.channels.items():
         if channel.unit in ("Pa", "N m"):
             spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
             when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
             yield from _of_history(
-                findings, history, spread, channel.largest_of_run, name, channel.unit, note=f"largest of the run{when}"
+                findings,
+                history,
+                spread,
+                channel.largest_of_run,
+                name_words(name),
+                channel.unit,
+                note=f"largest of the run{when}",
             )
 
 
@@ -319,7 +352,6 @@ def _contacts(findings: Findings) -> Iterator[Conclusion]:
         yield from _from_starts(findings, "peak_force", "Largest contact force", "N")
     if history is None:
         return
-    averaged = "Mean" if history.frequency is None else "Cycle-averaged"
     for name, contact in findings.contacts.items():
         if contact.impacts == 0:
             yield Conclusion(f"Impacts of {name}", "none", note="in the run")
@@ -331,7 +363,7 @@ def _contacts(findings: Findings) -> Iterator[Conclusion]:
         key, what, unit = ("largest_impulse", "impulse", "N s") if rigid else ("peak_force", "force", "N")
         over = "of the whole run" if rigid else history.window_of_peaks
         impulse = history_words(spreads.get("mean_impulse"), contact.mean_impulse, "N s")
-        details = (*([f"mean impulse {impulse} {third}"] if impulse else []), _restitution(contact))
+        details = (*([f"mean impulse {impulse} {history.window_of_peaks}"] if impulse else []), _restitution(contact))
         yield from _of_history(
             findings,
             history,
@@ -342,12 +374,15 @@ def _contacts(findings: Findings) -> Iterator[Conclusion]:
             note=f"{over}; law: {contact.law}; {count}",
             details=details,
         )
+        # without a cycle nothing may move over the last third
+        if history.frequency is None:
+            continue
         yield from _of_history(
             findings,
             history,
             spreads.get("cycle_mean_force"),
             contact.cycle_mean_force,
-            f"{averaged} force of {name}",
+            f"Cycle-averaged force of {name}",
             "N",
             note=f"{third}; {count}",
         )
@@ -405,7 +440,7 @@ def convergence_conclusions(
             Conclusion(
                 f"{NEEDED}{words.get(axis, axis)}",
                 f"{recommended[worst]:.0f}",
-                scatter=asked + known_for,
+                scatter=f"{asked}{known_for}, {ORDERED}",
                 note=f"most for {columns['quantity'][worst]}",
             )
         )
@@ -505,7 +540,10 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}", rest, more)))
+        limited = (
+            " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
+        )
+        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 

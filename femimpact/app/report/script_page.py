@@ -27,6 +27,7 @@ from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     TRANSIENT,
     answer_of,
+    answer_of_runs,
     number_conclusion,
     study_conclusions,
     study_failures,
@@ -39,7 +40,7 @@ from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.study.findings import Findings
-from femimpact.app.study.summary import kind_of_peak, peak_of_history
+from femimpact.app.study.summary import kind_of_peak, peak_of_history, rms_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import (
     Fault,
@@ -58,7 +59,7 @@ from femimpact.figures.study_labels import axis_names
 from femimpact.files import target_path
 from femimpact.integrators.planned_drive import PreflightRow
 from femimpact.orbits.branch import Branch
-from femimpact.orbits.figures import kind_words
+from femimpact.orbits.figures import kind_words, stretches
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
@@ -167,7 +168,7 @@ def report(
     )
     page = Page(
         title=title,
-        answer=_compared(curves) or answer_of(Findings(), conclusions),
+        answer=_compared(curves) or _answer_of(responses) or answer_of(Findings(), conclusions),
         foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
         lead=tuple(
             text
@@ -187,6 +188,14 @@ def report(
         ),
     )
     return write_page(file, page)
+
+
+def _answer_of(responses: Mapping[str, Response]) -> str:
+    """What differs between two responses under the headings "without X" and "with X"; "" where there are none."""
+    named = {heading.lower(): (peak_of_history(one), rms_of_history(one)) for heading, one in responses.items()}
+    pairs = [(name.removeprefix("without "), numbers) for name, numbers in named.items() if name.startswith("without ")]
+    both = [(carried, alone, named[f"with {carried}"]) for carried, alone in pairs if f"with {carried}" in named]
+    return answer_of_runs(*both[0]) if len(both) == 1 else ""
 
 
 def _computed_by(study: Any) -> str:
@@ -262,7 +271,10 @@ def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
     elif isinstance(part, Branch):
         ends = " to ".join(typeset_number(end) for end in (part.values.min(), part.values.max()))
         changes = [f"{kind_words(one.kind)} at {typeset_number(one.value)}" for one in part.bifurcations]
-        stable = f"{int(part.is_stable.sum())} of {len(part)} orbits stable"
+        reach = [part.values[points] for points, is_stable in stretches(part) if is_stable]
+        stable = ", ".join(f"{typeset_number(one.min())} to {typeset_number(one.max())}" for one in reach)
+        some = f"stable {stable} {part.unit}".rstrip() if reach else "none of them stable"
+        stable = "all of them stable" if part.is_stable.all() else some
         swept = part.parameter.rpartition(".")[2].replace("_", " ")
         yield Conclusion(f"Range of {swept}, {heading}", ends, part.unit, note=", ".join((stable, *changes)))
     elif isinstance(part, TransferFunction):
@@ -271,6 +283,15 @@ def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
             if gain.max(initial=-np.inf) >= 0.0:
                 label, note = f"Largest {name} over {part.of}", f"at {typeset_number(part.frequency[gain.argmax()])} Hz"
                 yield number_conclusion(f"{label}, {heading}", float(gain.max()), part.units[name], note=note)
+    elif isinstance(part, Spectrum):
+        largest = int(np.argmax(part.values))
+        value, note = typeset_number(part.values[largest]), f"at {typeset_number(part.frequency[largest])} Hz"
+        yield Conclusion(f"Largest {part.kind} of {part.channel}, {heading}", value, part.unit, note=note)
+    elif isinstance(part, ShockResponseSpectrum):
+        largest = int(np.argmax(part.acceleration))
+        note = f"at {typeset_number(part.frequency[largest])} Hz"
+        label = f"Largest response to the shock, {heading}"
+        yield number_conclusion(label, float(part.acceleration[largest]), "m/s^2", note=note)
     elif isinstance(part, Calibration):
         for one in part.parameters:
             interval = f"90 % interval {typeset_number(one.low)} to {typeset_number(one.high)}"

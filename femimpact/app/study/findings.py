@@ -109,7 +109,7 @@ class ChannelSummary:
     """A channel of a history; none of its numbers is known of the force of a rigid pair that has collided."""
 
     unit: str
-    largest: float  # over the last third
+    largest: float  # over the last third, without a cycle of the whole run, as the rms
     rms: float
     largest_of_run: float
     time_of_largest: float  # s
@@ -119,7 +119,7 @@ class ChannelSummary:
 class HistorySummary:
     """A history: the default place over the last third of the cycles, its impacts, and every channel."""
 
-    peak: float  # without a cycle that of the whole run
+    peak: float  # without a cycle that of the whole run, as the rms
     peak_is_one_start: bool
     peak_is_transient: bool
     rms: float
@@ -231,6 +231,7 @@ class Findings:
     sweep: Mapping[str, CurveSummary] = field(default_factory=dict)
     amplitude_ratio: float | None = None
     history: HistorySummary | None = None
+    history_without: HistorySummary | None = None  # of what the structure carries, where the drive has no cycle
     energy_residual: float | None = None
     work: float | None = None  # J
     work_of: Mapping[str, float] = field(default_factory=dict)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, faults_under, require
-from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.drives import named_parts
+from femimpact.excitation.excitation import Excitation, has_cycle
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.remarks import frequency_warnings, motion_warnings
@@ -26,7 +27,7 @@ from femimpact.response.cycles import PeakResolution
 from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import needs_outer_fibre
-from femimpact.system.modes import DENSE_LIMIT, first_resonance, solve_modes
+from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
 from femimpact.system.system import System, without_impactors
 from femimpact.units import number_text
 
@@ -76,6 +77,11 @@ def carried_words(system: System) -> str:
     return " and ".join(f"{name}{'s' if count > 1 else ''}" for name, count in counts.items() if count) or "ball"
 
 
+def without_carried(system: System) -> System:
+    """The system without what `carried_words` names: its balls and absorbers, or its stops where it has no others."""
+    return without_impactors(system) if system.balls else replace(system, contacts=())
+
+
 def counts_of(system: System) -> dict[str, int]:
     """Numbers of balls, absorbers and stops."""
     counts = {"ball": 0, "absorber": 0, "stop": 0}
@@ -92,7 +98,7 @@ class PreparedStudy:
     mesh: Mesh | None  # of the study's file; None where it gives a number of elements
     full: System  # that of the mesh, and the one that is integrated
     small: System
-    bare: System  # the one that is integrated, without its balls
+    bare: System  # the one that is integrated, without what it carries or meets
     method: Method  # with the steps for `small` and `bare`
     bare_method: Method
     record: Recorder  # what the history keeps
@@ -127,7 +133,7 @@ def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     check_mesh(study, elements or 1)
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
-    of_method, bare = check_method(study, small, method), without_impactors(small)
+    of_method, bare = check_method(study, small, method), without_carried(small)
     record, grid = history_record(study, small, method)
     _check_channels(study, small)
     prepared = PreparedStudy(study, mesh, full, small, bare, method, method_for(study, bare), record, grid)
@@ -141,6 +147,22 @@ def with_base(prepared: PreparedStudy, base: Sine) -> PreparedStudy:
     study = replace(prepared.study, base=base)
     record, grid = history_record(study, prepared.small, prepared.method)
     return replace(prepared, study=study, record=record, grid=grid)
+
+
+def film_window(study: Study, small: System) -> tuple[float, float]:
+    """Begin and end (s) of the snapshots: the last cycles, without a cycle periods of the first mode as the drive ends.
+
+    They begin a period before the end of a drive that ends early, and else end with the run.
+    """
+    end, frequency, drive_ends = study.history_duration, study.shown_frequency, study.history_duration
+    if not has_cycle(study.excitation):
+        frequency = first_elastic_frequency(small) or frequency
+        parts = [part for _, _, part in named_parts(study.excitation)]
+        ends = [getattr(p, "delay", getattr(p, "begin", 0.0)) + getattr(p, "duration", end) for p in parts]
+        drive_ends = max(ends, default=end)
+    kept = min(study.output.frame_cycles / frequency, end)
+    begin = min(max(drive_ends - 1.0 / frequency, 0.0), end - kept)
+    return (begin, begin + kept) if drive_ends < end else (max(end - kept, 0.0), end)
 
 
 def history_record(study: Study, small: System, method: Method) -> tuple[Recorder, float]:
@@ -160,7 +182,7 @@ def history_record(study: Study, small: System, method: Method) -> tuple[Recorde
     if every is None:
         # so many that a base cycle is resolved
         every = min(USUAL_STRIDE, stride_of(method, study.excitation.frequency, LEAST_SAMPLES))
-    kept = min(output.frame_cycles / study.shown_frequency, study.history_duration)
+    begin, end = film_window(study, small)
     channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
         place = next((name for name, x in small.points.items() if x == pair.position), None)
@@ -172,8 +194,8 @@ def history_record(study: Study, small: System, method: Method) -> tuple[Recorde
         asked,
         channels=tuple(dict.fromkeys([*channels, *output.channels])),
         every=every,
-        snapshots=max(round(kept / (output.frames * grid)), 1) if output.frames else 0,
-        snapshots_start=max(study.history_duration - kept, 0.0),
+        snapshots=max(round((end - begin) / (output.frames * grid)), 1) if output.frames else 0,
+        snapshots_start=begin,
         state_at=last_cycles_start(study),
         memory_limit=output.memory_limit,
     )
@@ -219,7 +241,7 @@ def _coarse_history(prepared: PreparedStudy) -> tuple[str, ...]:
 
 
 def _empty_sweep(prepared: PreparedStudy, parts: tuple[str, ...]) -> tuple[str, ...]:
-    """A warning where no resonance of the structure without balls lies within the sweep."""
+    """A warning where no resonance of the structure without its balls or stops lies within the sweep."""
     plan, bare = prepared.study.sweep, prepared.bare
     if "sweep" not in parts or plan is None:
         return ()
@@ -229,7 +251,7 @@ def _empty_sweep(prepared: PreparedStudy, parts: tuple[str, ...]) -> tuple[str, 
     natural = ", ".join(f"{f:.4g}" for f in modes[:3] if f > 0.0)
     return (
         f"sweep.start = {plan.start:g} Hz, sweep.stop = {plan.stop:g} Hz: no natural frequency lies between them (the "
-        f"first without balls: {natural} Hz): the curve has no resonance, and its peak no damping",
+        f"first without {prepared.carried}: {natural} Hz): the curve has no resonance, and its peak no damping",
     )
 
 

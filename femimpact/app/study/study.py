@@ -245,7 +245,7 @@ class Output:
     frames : int
         Number of snapshots of the deflection that are kept for ParaView and the movie.
     frame_cycles : float
-        Last base cycles over which they are spread; of a motion without one, cycles of its highest frequency.
+        Last base cycles over which they are spread; of a motion without one, periods of the first mode.
     exaggeration : float
         Scale of motion and gaps in these. Absent: chosen by the movie, 1 for ParaView.
     memory_limit : float, bytes

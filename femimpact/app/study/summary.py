@@ -88,7 +88,7 @@ def _curve_summary(
     even = on_grid(curve.frequency, coarse)
     fit, half = _estimates(curve)
     resolution = _resolution(curve, fit)
-    grid = (curve.frequency[even], curve.peak[even])
+    grid = (curve.frequency[even], curve.peak_at_one_level[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     peaks = () if empty is None else (empty.damping, empty.peak_amplitude, curve.peak_amplitude)
     return CurveSummary(
@@ -186,13 +186,14 @@ def findings_of_sweeps(prepared: PreparedStudy, sweeps: SweepPair) -> Findings:
     return Findings(sweep=curves, amplitude_ratio=ratio, energy_residual=residual, warnings=tuple(said))
 
 
-def findings_of_history(prepared: PreparedStudy, response: Response) -> Findings:
-    """The history, its contacts and its energy."""
+def findings_of_history(prepared: PreparedStudy, response: Response, bare: Response | None = None) -> Findings:
+    """The history, its contacts and its energy; the same without what the structure carries, where it was run."""
     contacts = _contacts(prepared, response)
     said = _restitution_warnings(contacts)
     said += _new_words("history", map(in_study_words, response.warnings), prepared)
     return Findings(
         history=_history_summary(response),
+        history_without=None if bare is None else _history_summary(bare),
         **_named(contacts),
         energy_residual=response.energy.residual if response.energy is not None else math.nan,
         notes=(*map(in_study_words, response.notes), *root_stress_notes(prepared.study.structure, prepared.small)),
@@ -224,7 +225,7 @@ def _history_summary(response: Response) -> HistorySummary:
     return HistorySummary(
         peak=peak_of_history(response),
         **kind_of_peak(response),
-        rms=response.steady.rms[0],
+        rms=rms_of_history(response),
         steadiness=str(response.steady.steadiness[0]),
         impacts=len(response.impacts) + response.impacts.dropped,
         impacts_per_cycle=response.statistics.impacts_per_cycle,
@@ -248,12 +249,12 @@ def _work(response: Response) -> dict[str, Any]:
 def channel_summary(response: Response) -> dict[str, ChannelSummary]:
     """Unit of every channel, its largest absolute value and rms over the last third, and the largest of the run.
 
-    The first two are of the samples that the history keeps, but for the largest force of a contact, which is exact; the
-    peak of the tip between samples is `peak` of the history. The largest of the run, and its time (s), are those of
-    `Response.largest`. The force of a rigid pair that has collided has none of them: its impulses are those of
-    `contact_forces`.
+    Where the excitation has no cycle the first two are of the whole run. They are of the samples that the history
+    keeps, but for the largest force of a contact, which is exact; the peak of the tip between samples is `peak` of the
+    history. The largest of the run, and its time (s), are those of `Response.largest`. The force of a rigid pair that
+    has collided has none of them: its impulses are those of `contact_forces`.
     """
-    steady = response.time >= response.window[0]
+    steady = response.time >= (response.window[0] if has_cycle(response.base) else response.start)
     found = {}
     rigid = {pair.name for pair in response.system.contacts if _has_struck(response, pair.name)}
     impulsive = {f"{name}.contact_force" for name in rigid} | ({"contact_force"} if rigid else set())
@@ -278,6 +279,14 @@ def peak_of_history(response: Response) -> float:
     return abs(response.largest(response.system.default_place).value)
 
 
+def rms_of_history(response: Response) -> float:
+    """Rms (m) of the default place over the same time as `peak_of_history`; not a number where it was not kept."""
+    if has_cycle(response.base):
+        return float(response.steady.rms[0])
+    kept = response.channels.get(response.system.default_place)
+    return float(np.sqrt(np.mean(kept**2))) if kept is not None and kept.size else math.nan
+
+
 def kind_of_peak(response: Response) -> dict[str, bool]:
     """Whether the peak of a motion that does not repeat is one start's value, or holds a transient of the start.
 
@@ -291,17 +300,18 @@ def kind_of_peak(response: Response) -> dict[str, bool]:
 
 
 def contact_forces(response: Response, name: str) -> dict[str, float]:
-    """Forces (N) and impulses (N s) of a contact; the peak force without a cycle is that of the whole run.
+    """Forces (N) and impulses (N s) of a contact; without a cycle peak force and mean impulse are of the whole run.
 
     The largest impulse is that of the whole run. Where a rigid pair has collided there is no peak force.
     """
     statistics, impulses = response.statistics_of[name], response.impacts.impulse[response.impacts.impactor == name]
-    peak = statistics.peak_force
+    peak, mean = statistics.peak_force, statistics.mean_impulse
     if not has_cycle(response.base):
+        mean = float(np.abs(impulses).mean()) if impulses.size else 0.0
         peak = math.nan if _has_struck(response, name) else abs(response.largest(f"{name}.contact_force").value)
     return {
         "peak_force": peak,
-        "mean_impulse": statistics.mean_impulse,
+        "mean_impulse": mean,
         "largest_impulse": float(np.abs(impulses).max(initial=0.0)),
         "cycle_mean_force": statistics.cycle_mean_force,
     }

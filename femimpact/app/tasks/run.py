@@ -23,6 +23,7 @@ from femimpact.app.study.prepared import (
     carried_words,
     counts_of,
     even_grid,
+    film_window,
     history_cost,
     in_study_words,
     last_cycles_start,
@@ -84,12 +85,36 @@ def run_modes(prepared: PreparedStudy) -> tuple[Modes, Modes | None]:
 
 
 def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Response:
-    """The history of the study, with snapshots over its last cycles."""
-    study, record = prepared.study, prepared.record
-    return integrate(
-        prepared.small, study.excitation, prepared.method, study.history_duration, record, study.initial,
+    """The history of the study, with snapshots over its last cycles, or those in which its drive ends."""
+    study, record, end = prepared.study, prepared.record, film_window(prepared.study, prepared.small)[1]
+    early = record.snapshots > 0 and end < study.history_duration
+    response = integrate(
+        prepared.small, study.excitation, prepared.method, study.history_duration,
+        replace(record, snapshots=0, snapshots_start=0.0) if early else record, study.initial,
         lambda share: report("history", share),
     )  # fmt: skip
+    if not early:
+        return response
+    # a run has snapshots up to its end: those of a part are kept by one that ends with it
+    record = replace(record, channels=(), ledger=False, state_at=None, start=0.0)
+    film = integrate(prepared.small, study.excitation, prepared.method, end, record, study.initial)
+    return replace(response, snapshots=film.snapshots)
+
+
+def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
+    """The same history without what the structure carries or meets; None where a cycle makes it that of a sweep."""
+    study, small, bare = prepared.study, prepared.small, prepared.bare
+    if has_cycle(study.excitation) or len(bare.contacts) == len(small.contacts):
+        return None
+    left_out = {"contact_force", *(pair.name for pair in small.contacts)}
+    channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
+    record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
+    start, said = _without_balls(study.initial), partial(report, f"history without {prepared.carried}")
+    return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
+
+
+def _without_balls(state: State) -> State:
+    return replace(state, ball_displacement=None, ball_velocity=None)
 
 
 def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
@@ -147,9 +172,8 @@ def run_sweep(prepared: PreparedStudy, report: Report = _silent) -> SweepPair:
         )  # fmt: skip
         peak_with_ball = first.peak_frequency
     frequencies = refined_grid(plan, bare, peak_with_ball)
-    without_balls = State(state.displacement, state.velocity, frame=state.frame, equilibrium=state.equilibrium)
     empty = frequency_sweep(
-        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=without_balls, **level,
+        bare, frequencies=frequencies, method=bare_method, cycles=plan.cycles, initial=_without_balls(state), **level,
         progress=lambda share: report(f"sweep without {prepared.carried}", share),
     )  # fmt: skip
     ball = None
@@ -399,7 +423,7 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
             from femimpact import vtk
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
-    return Finished("history", files, findings_of_history(prepared, response))
+    return Finished("history", files, findings_of_history(prepared, response, run_without(prepared, report)))
 
 
 def _stride(study: Study, response: Response) -> int:

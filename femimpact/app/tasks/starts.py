@@ -18,7 +18,7 @@ from femimpact.app.report.pictures import Report
 from femimpact.app.study.findings import Findings, HistoryStarts, Spread
 from femimpact.app.study.prepared import PreparedStudy
 from femimpact.app.study.study import SweepPlan
-from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, spread_of
+from femimpact.app.study.summary import channel_summary, contact_forces, peak_of_history, rms_of_history, spread_of
 from femimpact.arrays import Array
 from femimpact.errors import DivergenceError
 from femimpact.integrators.cases import workers_of
@@ -99,7 +99,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> Findings:
         channels = channel_summary(run)
         rows.append({
             "peak": peak_of_history(run),
-            "rms": run.steady.rms[0],
+            "rms": rms_of_history(run),
             "channels": {name: {key: getattr(about, key) for key in OF_CHANNELS} for name, about in channels.items()},
             "contacts": {pair.name: contact_forces(run, pair.name) for pair in small.contacts if pair.has_walls},
         })  # fmt: skip

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase
-from femimpact.app.parametric.dataset import endings_of
+from femimpact.app.parametric.dataset import endings_of, level_remarks
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.measures import Source
 from femimpact.app.parametric.paths import Stage, study_with
@@ -165,7 +165,7 @@ def plan_of_cases(study: Study) -> Plan:
         f"{number_text(max(memory, 1e6) / 1e6, 3)} MB of memory and {number_text(_disk(cases, study) / 1e6, 2)} MB "
         "on disk"
     )
-    return Plan((runs, cost))
+    return Plan((runs, cost, *(f"study: {text}" for text in level_remarks(cases))))
 
 
 def _cost(cases: ParameterStudy, study: Study) -> tuple[float, float]:
