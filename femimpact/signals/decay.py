@@ -333,7 +333,8 @@ def _unfit(fit: DecayFit, real: tuple[DecayMode, ...], t: Array, y: Array, inter
         words.append(f"a cycle of {fastest:.4g} Hz has {number_text(samples, 3)} samples (at least {FEWEST_SAMPLES:g})")
     words += [
         f"the amplitude of {one.frequency:.4g} Hz "
-        f"{'grows' if one.damping_ratio_interval[1] < 0.0 else 'does not decay'}, by a damping ratio of {number_text(100.0 * one.damping_ratio, 3)} %: it is driven, and no free decay"
+        f"{'grows' if one.damping_ratio_interval[1] < 0.0 else 'does not decay'}, by a damping ratio of "
+        f"{number_text(100.0 * one.damping_ratio, 3)} %: it is driven, and no free decay"
         for one in real
         if one.damping_ratio <= 0.0
     ]
