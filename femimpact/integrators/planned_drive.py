@@ -257,8 +257,9 @@ def _begin_in_motion(system: System, excitation: Excitation) -> Iterator[Preflig
     first = first_elastic_frequency(system)
     for which, _, part in named_parts(excitation):
         line = getattr(part, "closed_form", None)
-        short = not isinstance(line, BrokenLine) or first * line.interval * len(line.samples) < PERIODS
-        if short or is_pulse(line.samples):
+        if not isinstance(line, BrokenLine) or is_pulse(line.samples):
+            continue
+        if first * line.interval * len(line.samples) < PERIODS:
             continue
         early = line.samples[: math.ceil(1.0 / (first * line.interval)) + 1]
         whole = float(np.std(line.samples))
