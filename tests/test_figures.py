@@ -790,3 +790,11 @@ def test_transfer_functions_of_several_inputs_or_units_do_not_share_an_axis():
     both = {"exact": fi.transfer_function(system, f, "tip", force_at="tip"), "blow": fi.measured_transfer(blow, "tip")}
     axes = fi.figures.transfer_function(both, figure=fi.figures.OffScreen())
     assert axes[0].get_ylabel() == "magnitude\n(dB re 1 m/N)"
+
+
+def test_a_record_is_drawn_with_the_largest_of_its_samples():
+    samples = np.sin(0.7 * np.arange(6000))
+    samples[4321] = -3.0
+    (axis,) = fi.figures.drive(fi.RecordedBase(samples, interval=0.005), 30.0, fi.figures.OffScreen())
+    assert "largest 3 m/s" in axis.get_title(loc="left")
+    assert min(axis.get_lines()[0].get_ydata()) == -3.0

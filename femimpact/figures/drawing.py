@@ -246,6 +246,9 @@ def label_axes(axis: Axes, x: str, y: str, title: str = "") -> None:
 
 def break_lines(text: Any, room: float) -> None:
     """Break the words of a text of matplotlib so that no line is longer than so many pixels."""
+    # what no font can write has no width
+    if not text.get_text().replace("\n", "").isprintable():
+        return
     longest, words = max(text.get_window_extent().size), text.get_text().splitlines()
     if longest > room:
         letters = max(int(max(map(len, words)) * room / longest), 1)

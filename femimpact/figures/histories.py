@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array, thinned_line
 from femimpact.contact.laws import Rigid
 from femimpact.errors import Fault, InputError, instance, optional, quantity, require, takes, truth
-from femimpact.excitation.excitation import LineLoad, has_cycle, is_force, require_excitation, words_of
+from femimpact.excitation.excitation import BrokenLine, LineLoad, has_cycle, is_force, require_excitation, words_of
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
 from femimpact.excitation.random_base import RandomBase
 from femimpact.figures.drawing import (
@@ -388,7 +388,9 @@ def _density(axis: Axes, motion: RandomBase, title: str, unit: str) -> None:
 def _drive_over_time(axis: Axes, source: Any, end: float, title: str, unit: str) -> None:
     """The force (N), the factor of one along the beam, or the acceleration (m/s^2) while the drive acts."""
     form, begin = getattr(source, "closed_form", None), 0.0
-    last = SHOWN_CYCLES / source.frequency if has_cycle(source) else end
+    # a record is shown to its end, be one of its lines a cycle or not
+    repeats = has_cycle(source) and not isinstance(form, BrokenLine)
+    last = SHOWN_CYCLES / source.frequency if repeats else end
     if isinstance(form, PiecewisePolynomial):
         begin, last = float(form.knots[0]), float(form.knots[-1])
     margin = 0.05 * (last - begin)
@@ -396,6 +398,9 @@ def _drive_over_time(axis: Axes, source: Any, end: float, title: str, unit: str)
     begin = min(begin, last)
     cycles = source.frequency * (last - begin)
     time = np.linspace(begin, last, min(max(READINGS * math.ceil(cycles), 2000), MOST_READINGS))
+    if isinstance(form, BrokenLine):
+        # its largest value is one of its samples
+        time = np.union1d(time, form.interval * np.arange(math.floor(last / form.interval) + 1))
     values = (source.force if is_force(source) else source.acceleration)(time)
     largest, chosen = float(np.abs(values).max()), thinned_line(values, MOST_POINTS)
     factor, label_unit = prefixed(largest, unit) if unit == "N" else (1.0, unit)

@@ -164,7 +164,9 @@ def steady_motion(
     most = np.max(samples, axis=0, where=in_window, initial=1.0)
     uneven = 1.0 - np.min(samples, axis=0, where=in_window, initial=np.inf) / most
     allowed = peak * np.array([np.full(cases, periodic_tolerance)] * 2 + [periodic_tolerance + np.maximum(uneven, 0.0)])
-    periodic = _repeats(readings, in_window, allowed, longest_period)
+    # of a motion that diverged nothing repeats
+    with np.errstate(invalid="ignore"):
+        periodic = _repeats(readings, in_window, allowed, longest_period)
     return made(
         SteadyMotion,
         peak=np.where(length > 0, peak, np.nan),

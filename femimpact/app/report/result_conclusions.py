@@ -80,6 +80,8 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     history, without = findings.history, findings.history_without
     if history is not None and without is not None:
         starts = findings.history_starts
+        if history.impacts == 0 and starts is None and "absorber" not in findings.carried:
+            return f"The {findings.carried} had no impact in the run: the motion of the tip is that without."
         median = (history.peak, history.rms) if starts is None else (starts.peak.median, starts.rms.median)
         return answer_of_runs(findings.carried, (without.peak, without.rms), median)
     needed = [one for one in conclusions if one.label.startswith(NEEDED)]
@@ -107,8 +109,9 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     frequency = median.get("peak_frequency", ball.peak_frequency)
     ratio = median.get("amplitude_ratio", empty.peak_amplitude / peak)
     verb, factor = _change(findings.carried, ratio)
+    least = "at least " if empty.resolved is False else ""
     return (
-        f"The {findings.carried} {verb} the largest motion of the tip from "
+        f"The {findings.carried} {verb} the largest motion of the tip from {least}"
         f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "
         f"{quantity_text(peak, 'm', 3)} at {number_text(frequency, 3)} Hz: {factor}."
     )
@@ -129,8 +132,9 @@ def _change(carried: str, ratio: float) -> tuple[str, str]:
     """What a body does by the ratio of a motion without it to that with it, and by how much."""
     lower, one = ratio >= 1.0, not (carried.endswith("s") or " and " in carried)
     factor = number_text(ratio if lower else 1.0 / ratio, 3)
-    change = "practically the same" if factor == "1" else f"{factor} times {'less' if lower else 'more'}"
-    return f"{'lower' if lower else 'raise'}{'s' * one}", change
+    if factor == "1":
+        return f"hardly change{'s' * one}", "the same to three digits"
+    return f"{'lower' if lower else 'raise'}{'s' * one}", f"{factor} times {'less' if lower else 'more'}"
 
 
 def result_warnings(results: ResultReading) -> tuple[str, ...]:
@@ -280,6 +284,9 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
         details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
         label = f"Damping ratio without {findings.carried}"
         yield Conclusion(label, ratio, "%", words, note="one-pole fit of the curve", details=details)
+    # a stop bounds the motion, which is no damping
+    if "stop" in findings.carried:
+        return
     several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%")
     yield from several
     if not several and ball is not None and _known(ball.damping_amplitude_ratio):

@@ -25,7 +25,7 @@ from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultFil
 from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
-from femimpact.app.tasks.task import Plan, write_files
+from femimpact.app.tasks.task import Plan, study_files, write_files
 from femimpact.errors import Fault, InputError, faults_under, require
 from femimpact.figures.study_labels import case_columns
 from femimpact.files import atomic_write
@@ -106,7 +106,7 @@ def write_parameter_study(
         dataset = run_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
-    write_files(directory, {"study": study_text(study), "parameter_table": case_columns(dataset)})
+    write_files(directory, study_files(study) | {"parameter_table": case_columns(dataset)})
     plan: Any = study.plan
     best, _ = best_cases(dataset, plan.best)
     _write_best(definition, next(iter(best.values()), None), directory)
