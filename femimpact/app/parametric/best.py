@@ -453,7 +453,9 @@ class _Designs:
         told = []
         for name, limit in self.limits.items():
             nearest = limit.sign * float(limit.worst[rows][self.has_value[rows]].min())
-            told.append(f"{name} is {unit_text(nearest, self.unit(name))} at {'best' if limit.sign < 0 else 'least'}")
+            most = unit_text(limit.sign * limit.bound, self.unit(name))
+            side = "best" if limit.sign < 0 else "least"
+            told.append(f"{name} is {unit_text(nearest, self.unit(name))} at {side}, its limit {most}")
         return f": {', '.join(told)}"
 
     def _margins(self, row: int, rows: NDArray[np.int64]) -> Iterator[AxisMargin]:

@@ -136,7 +136,7 @@ def _measure(item: Any, system: System) -> Measure:
         if "." in item:
             allowed = f"with a dot it must be a channel, whose largest value is measured: {error.faults[0].allowed}"
         raise InputError([Fault("measures", item, "", allowed)]) from None
-    words = f"largest size of the channel {channel.name} over the last third"
+    words = f"largest size of the channel {channel.name}"
     return Measure(item, channel.unit, words, Source.RUN, channel=channel.name, better="small")
 
 

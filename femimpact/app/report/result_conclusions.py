@@ -50,6 +50,10 @@ NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
 """Labels, or their beginnings, of conclusions of which the answer is made."""
 
 
+UNMET = "no design keeps the limits"
+"""Words of a reason for which there is no best case."""
+
+
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
     """Best cases of a parameter study by their measures, and reasons for which there is none."""
     data, plan = results.parameter_study, None if results.study is None else results.study.plan
@@ -94,6 +98,9 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
         return f"{one.value} branch{plural} of periodic orbits {one.note}."
     if not conclusions:
         return ""
+    unmet = conclusions[0].note.partition(UNMET)[2].partition(";")[0]
+    if unmet:
+        return f"{UNMET.capitalize()}{unmet}."
     # of a history its peak, of a study what is best
     one = next((each for each in conclusions if each.label == PEAK_OF_TIP), conclusions[0])
     of = one.note.partition("; ")[0]
@@ -513,6 +520,8 @@ def study_conclusions(
     resonance.
     """
     names = [name for name in measure_names(data) if name not in best and (name in reasons or not best)]
+    # what was asked for and cannot be had comes first
+    names.sort(key=lambda name: UNMET not in reasons.get(name, ""))
     conclusions = [one for name in best for one in _of_best(data, best[name])][:MOST_MEASURES]
     for name in names[: MOST_MEASURES - len(conclusions)]:
         values = data[name]

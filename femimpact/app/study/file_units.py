@@ -69,8 +69,8 @@ class Readings:
             form = f'must be a number, or one with a decimal point and a unit, as "0.5 {units.partition(", ")[0]}"'
             self.faults.append(Fault(key, value, "", f"{form}: {units}"))
         elif isinstance(value, str) and key.endswith(PLACES) and (metres := Readings().number("", value, "m")) != value:
-            allowed = f"must be the name of a place, or metres without quotes: {metres:g}"
-            self.faults.append(Fault(key, value, "", allowed))
+            self.found.append((key, value, metres, "m"))
+            return metres
         return taken
 
 
