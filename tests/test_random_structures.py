@@ -25,9 +25,9 @@ RESTING = range(-16, 0)
 
 SEEDS = (*MIXED, *RESTING)
 
-UNUSUAL = ("the base moves by up to", "where no mode is kept", "the record is coarse")
-"""Of records that drift further than half the beam's length or have few samples in a period, and of one mode that is
-driven far above itself: allowed, and warned of."""
+UNUSUAL = ("the base moves by up to", "where no mode is kept", "the record is coarse", "begins in motion")
+"""Of records that drift further than half the beam's length, have few samples in a period or move from the first one
+on, and of one mode that is driven far above itself: allowed, and warned of."""
 
 PHYSICAL = {
     # the generator keeps a drive away from undamped frequencies of the structure, not from those of its contact states
