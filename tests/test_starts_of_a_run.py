@@ -386,7 +386,9 @@ def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods(
     # some three periods of the first mode, of the run's 3 s
     assert times[0] == pytest.approx(0.0, abs=1e-3)
     assert times[-1] == pytest.approx(3.0 / prepared.small.first_frequency, rel=0.05)
-    assert len(run.impacts) == len(integrate(prepared.small, given.excitation, prepared.method, 3.0).impacts)
+    whole = integrate(prepared.small, given.excitation, prepared.method, 1.0).impacts
+    np.testing.assert_allclose(run.impacts.time[:10], whole.time[:10], rtol=1e-9)
+    assert run.impacts.time[-1] > 2.0
     system = fi.without_impactors(prepared.small)
     for drive, first in ((fi.Sine(1e-4, 4.9), False), (fi.Shock("half-sine", acceleration=1.0, duration=0.02), True)):
         long = fi.integrate(system, drive, fi.EventDriven(), 20.0, fi.Recorder(snapshots=1))
