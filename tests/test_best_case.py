@@ -539,7 +539,9 @@ def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_pa
     assert not left & {path.name for path in tmp_path.rglob("*")}
     print_results(tmp_path)
     lines = " ".join(capsys.readouterr().out.split())
-    assert "no best case: measure = 'rms'" in lines
+    assert "no best case: no design keeps the limits: peak is" in lines
+    assert "its limit 1×10⁻⁶ mm" in lines
+    assert "Largest rms" in lines[: lines.index("no best case")]
     assert "femimpact run" not in lines
     assert "Smallest worst" not in lines
     found, reasons = best_cases(second, limited.best)

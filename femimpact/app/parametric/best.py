@@ -41,6 +41,10 @@ NOT_CHOSEN = f"of the excitation, the start or the numerics ({'*, '.join(NO_DESI
 NOTHING_TO_CHOOSE = f"all axes that have several values are {NOT_CHOSEN}, which are no choice"
 NO_CHOICE = f", where those {NOT_CHOSEN} are no choice"
 
+NO_BEST = "has no best case: "
+UNMET = "no design keeps the limits"
+"""Words of a refusal, and of one of its reasons."""
+
 ENDS_OF_INTERVAL = ("_median_low", "_median_high")
 
 OF_LAW = ("peak_force", "cycle_mean_force")
@@ -93,7 +97,7 @@ def best_case(
     table = _designs_of(dataset, measure, worst_over, limits)
     designs = tuple(table.best(level) for level in range(table.levels))
     if all(design.reason for design in designs):
-        raise InputError([Fault("measure", measure, "", f"has no best case: {designs[0].reason}")])
+        raise InputError([Fault("measure", measure, "", f"{NO_BEST}{designs[0].reason}")])
     units = {name: table.unit(name) for name in (*table.values, measure, *table.limits)}
     most = {name: limit.sign * limit.bound for name, limit in table.limits.items()}
     return BestCase(
@@ -148,7 +152,9 @@ def best_cases(
             found[name] = best_case(dataset, name, *((plan.worst_over, plan.limits) if plan else (worst_over,)))
             break
         except InputError as error:
-            reasons[name] = " ".join(str(error).split()).removeprefix("dataset: ")
+            # a page says whose best case it is
+            words = " ".join(str(error).split()).removeprefix("dataset: ")
+            reasons[name] = words.partition(NO_BEST)[2] or words
     if plan is not None and reasons:
         reasons |= {name: f"[study.best] asks for {plan.measure}" for name in known if name not in reasons}
     return found, reasons
@@ -373,7 +379,7 @@ class _Designs:
         for limit in self.limits.values():
             kept = kept[limit.worst[kept] <= limit.bound]
         if not kept.size:
-            reason = reason or f"no design keeps the limits{self._nearest(rows)}"
+            reason = reason or f"{UNMET}{self._nearest(rows)}"
             return BestDesign(at, without_value=without, reason=reason)
         # of equal values the first, by the values of the axes
         row = int(kept[np.argmin(self.value[kept])])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
-from femimpact.app.parametric.best import best_cases
+from femimpact.app.parametric.best import UNMET, best_cases
 from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
 from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import ResultReading
@@ -50,10 +50,6 @@ NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
 """Labels, or their beginnings, of conclusions of which the answer is made."""
 
 
-UNMET = "no design keeps the limits"
-"""Words of a reason for which there is no best case."""
-
-
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
     """Best cases of a parameter study by their measures, and reasons for which there is none."""
     data, plan = results.parameter_study, None if results.study is None else results.study.plan
@@ -84,10 +80,11 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     history, without = findings.history, findings.history_without
     if history is not None and without is not None:
         starts = findings.history_starts
-        if history.impacts == 0 and starts is None and "absorber" not in findings.carried:
-            return f"The {findings.carried} had no impact in the run: the motion of the tip is that without."
         median = (history.peak, history.rms) if starts is None else (starts.peak.median, starts.rms.median)
-        return answer_of_runs(findings.carried, (without.peak, without.rms), median)
+        answer = answer_of_runs(findings.carried, (without.peak, without.rms), median)
+        # a spring moves the beam without an impact
+        untouched = history.impacts == 0 and starts is None and "absorber" not in findings.carried
+        return f"Without an impact t{answer[1:]}" if untouched and answer else answer
     needed = [one for one in conclusions if one.label.startswith(NEEDED)]
     if needed:
         counts = " and ".join(f"{one.value} {one.label.removeprefix(NEEDED)}" for one in needed)
@@ -98,7 +95,7 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
         return f"{one.value} branch{plural} of periodic orbits {one.note}."
     if not conclusions:
         return ""
-    unmet = conclusions[0].note.partition(UNMET)[2].partition(";")[0]
+    unmet = conclusions[0].note.partition(f"no best case: {UNMET}")[2].partition(";")[0]
     if unmet:
         return f"{UNMET.capitalize()}{unmet}."
     # of a history its peak, of a study what is best
@@ -137,11 +134,18 @@ def answer_of_runs(carried: str, without: tuple[float, float], found: tuple[floa
 
 def _change(carried: str, ratio: float) -> tuple[str, str]:
     """What a body does by the ratio of a motion without it to that with it, and by how much."""
-    lower, one = ratio >= 1.0, not (carried.endswith("s") or " and " in carried)
-    factor = number_text(ratio if lower else 1.0 / ratio, 3)
-    if factor == "1":
-        return f"hardly change{'s' * one}", "the same to three digits"
-    return f"{'lower' if lower else 'raise'}{'s' * one}", f"{factor} times {'less' if lower else 'more'}"
+    one, factor = not (carried.endswith("s") or " and " in carried), factor_words(ratio)
+    verb = "hardly change" if factor == SAME else "lower" if ratio >= 1.0 else "raise"
+    return f"{verb}{'s' * one}", factor
+
+
+SAME = "the same to three digits"
+
+
+def factor_words(ratio: float) -> str:
+    """By how much the second of two motions differs from the first, by the ratio of the first to it."""
+    factor = number_text(max(ratio, 1.0 / ratio), 3)
+    return SAME if factor == "1" else f"{factor} times {'less' if ratio >= 1.0 else 'more'}"
 
 
 def result_warnings(results: ResultReading) -> tuple[str, ...]:

@@ -70,9 +70,6 @@ if TYPE_CHECKING:
 
 NO_NUMBERS = "No numbers were found that could stand here."
 
-SHEET = "sheet.html"
-"""Name of the report on one sheet of paper: it leaves the report as it is."""
-
 
 def write_report(
     directory: str | Path,
@@ -91,7 +88,7 @@ def write_report(
         words = "none of their files is there, or what has their names was not written by femimpact"
         require(_holds_results(folder), "directory", str(folder), "", f"must hold results of a study: {words}")
         page = page_of(read_results(folder), short=short)
-        return write_page(folder / (SHEET if short else REPORT) if path is None else Path(path), page)
+        return write_page(folder / (FILES["sheet"].name if short else REPORT) if path is None else Path(path), page)
 
 
 def _holds_results(directory: Path) -> bool:

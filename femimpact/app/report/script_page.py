@@ -28,6 +28,7 @@ from femimpact.app.report.result_conclusions import (
     TRANSIENT,
     answer_of,
     answer_of_runs,
+    factor_words,
     number_conclusion,
     study_conclusions,
     study_failures,
@@ -55,7 +56,7 @@ from femimpact.errors import (
     warns,
 )
 from femimpact.excitation.excitation import has_cycle
-from femimpact.figures.study_labels import axis_names
+from femimpact.figures.study_labels import axis_names, path_words
 from femimpact.files import target_path
 from femimpact.integrators.planned_drive import PreflightRow
 from femimpact.orbits.branch import Branch
@@ -70,7 +71,7 @@ from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Structure
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
-from femimpact.units import number_text, quantity_text, typeset_number
+from femimpact.units import number_text, quantity_text, typeset_number, unit_text
 
 MOST_PLAYERS = 3
 """Responses of a page that have a player."""
@@ -294,10 +295,11 @@ def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
         yield number_conclusion(label, float(part.acceleration[largest]), "m/s^2", note=note)
     elif isinstance(part, Calibration):
         for one in part.parameters:
-            interval = f"90 % interval {typeset_number(one.low)} to {typeset_number(one.high)}"
-            note = f"the interval reaches its bound: {one.bound}" if one.bound else interval
-            unit = "" if one.unit == "1" else one.unit
-            yield Conclusion(f"{one.path}, {heading}", typeset_number(one.median), unit, note=note)
+            ends = f"90 % interval {unit_text(one.low, one.unit)} to {unit_text(one.high, one.unit)}"
+            bound = "both bounds" if one.bound == "both" else f"the {one.bound} bound"
+            note = f"no interval: it reaches {bound}" if one.bound else ends
+            label = f"{path_words(one.path).capitalize()}, {heading}"
+            yield number_conclusion(label, one.median, one.unit, note=note)
     elif any(isinstance(row, PreflightRow) for row in getattr(part, "rows", ())):
         names = [row.what for row in part.rows if row.passed]
         yield Conclusion(f"Limits that are passed, {heading}", str(len(names) or "none"), note=", ".join(names))
@@ -312,9 +314,8 @@ def _compared(curves: Mapping[str, FrequencyResponse]) -> str:
         f"{quantity_text(one.peak_amplitude, one.unit, 3)} at {number_text(one.peak_frequency, 3)} Hz ({name})"
         for name, one in peaks
     )
-    ratio = peaks[0][1].peak_amplitude / peaks[1][1].peak_amplitude
-    factor, kind = (ratio, "less") if ratio >= 1.0 else (1.0 / ratio, "more")
-    return f"Largest peak from {first} to {second}: {number_text(factor, 3)} times {kind}."
+    change = factor_words(peaks[0][1].peak_amplitude / peaks[1][1].peak_amplitude)
+    return f"Largest peak from {first} to {second}: {change}."
 
 
 # ---- parts ----------------------------------------------------------------------------------------

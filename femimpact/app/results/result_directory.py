@@ -104,6 +104,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "branch_table": ("branches.csv", "every orbit of the branches, a row each", "orbits"),
     "bifurcations": ("bifurcations.csv", "every bifurcation of the branches, a row each", "orbits"),
     "report": ("report.html", "this page", "run, converge, study, orbits, report"),
+    "sheet": ("sheet.html", "the report on one sheet of paper", "report --short"),
 }
 
 FILES = {key: ResultFile(*row) for key, row in _ROWS.items()}

@@ -185,9 +185,10 @@ def history_record(study: Study, small: System, method: Method) -> tuple[Recorde
     begin, end = film_window(study, small)
     channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
-        place = next((name for name, x in small.points.items() if x == pair.position), None)
-        if place not in (None, "tip"):
-            channels += [str(place), f"{place}.velocity"]
+        # a place without a name by its distance from the root
+        place = next((name for name, x in small.points.items() if x == pair.position), str(pair.position))
+        if place != "tip":
+            channels += [place, f"{place}.velocity"]
         moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
         channels += [*moving, f"{pair.name}.contact_force" if pair.has_walls else f"{pair.name}.gap"]
     record = replace(
