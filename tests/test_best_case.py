@@ -31,6 +31,7 @@ from femimpact.app.study.study import read_mesh_of
 from femimpact.app.tasks.study_command import plan_of_cases
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import OUTLINE
+from femimpact.units import unit_text
 
 GAP, RESTITUTION = "impactor.ball.gap", "impactor.ball.contact.restitution"
 FREQUENCY, LEVEL = "base.frequency", "base.amplitude"
@@ -540,7 +541,7 @@ def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_pa
     print_results(tmp_path)
     lines = " ".join(capsys.readouterr().out.split())
     assert "no best case: no design keeps the limits: peak is" in lines
-    assert "its limit 1×10⁻⁶ mm" in lines
+    assert f"its limit {unit_text(1e-9, 'm')}" in lines
     assert "Largest rms" in lines[: lines.index("no best case")]
     assert "femimpact run" not in lines
     assert "Smallest worst" not in lines

@@ -657,6 +657,16 @@ def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(
     assert text_of(results) == full
 
 
+def test_a_sheet_is_a_file_of_results_that_a_new_run_takes_away(tmp_path):
+    out = tmp_path / "out"
+    run_study(short_study(0.5, **PAGE), out)
+    before = text_of(out)
+    assert write_report(out, short=True) == out / "sheet.html"
+    assert text_of(out) == before
+    run_study(short_study(0.5, **PAGE), out, force=True)
+    assert {path.name for path in out.glob("*.html")} == {"report.html"}
+
+
 def test_a_study_asks_for_its_sheet_and_other_words_are_refused(tmp_path):
     run_study(short_study(0.5, **PAGE | {"report": "short"}), tmp_path / "out")
     assert text_of(tmp_path / "out").count("<nav") == 0

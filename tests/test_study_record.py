@@ -186,6 +186,33 @@ def test_the_study_of_the_results_runs_again_from_there(tmp_path, shaker):
         fi.load(first.directory)
 
 
+def test_a_study_of_cases_has_its_record_and_tells_its_best_design(tmp_path, shaker, capsys):
+    cases = """
+[study]
+measures = ["peak", "rms"]
+starts = 1
+[study.axes]
+"impactor.ball.gap" = [0.5e-3, 1e-3]
+"impactor.ball.contact.restitution" = [0.4, 0.8]
+[study.best]
+measure = "rms"
+worst_over = ["impactor.ball.contact.restitution"]
+"""
+    out = tmp_path / "out"
+    path = written(tmp_path, BEAM + BALL + BASE + cases)
+    with pytest.raises(SystemExit) as ended:
+        app(["study", str(path), "-o", str(out)])
+    assert not ended.value.code
+    assert (out / FILES["base_record"].name).read_bytes() == shaker.read_bytes()
+    results = read_results(out)
+    assert results.study is not None
+    assert results.missing == []
+    assert "Smallest worst rms" in capsys.readouterr().out
+    (best,) = fi.best_case(results.parameter_study, "rms", ["impactor.ball.contact.restitution"]).designs
+    chosen = load_study(out / "best.toml").structure.impactors[0]
+    assert chosen.gap == pytest.approx(best.values["impactor.ball.gap"])
+
+
 def test_a_later_run_with_a_sine_leaves_no_record_beside_its_results(tmp_path, shaker):
     out = tmp_path / "out"
     fi.run_study(load_study(written(tmp_path, BEAM + BASE)), out, parts=("modes",))
