@@ -98,8 +98,10 @@ def test_at_a_fold_is_one_orbit_and_inside_it_are_two(over_gap):
         exact = [speed for speed, *_ in box_orbits(*(CASE | {"clearance": 2.0 * value}).values())]
         speeds = sorted(orbit.impacts.approach_speed[0] for orbit in found)
         assert all(orbit.system.contacts[0].gaps[0] == value for orbit in found)
-        # they are 11 times the root of the distance apart, of which an error of 3e-12 of the value is this share
-        np.testing.assert_allclose(speeds, exact, rtol=3e-11 / math.sqrt(apart))
+        # they are 11 times the root of the distance apart, of which this share is an error of 3e-12 of the value, or of
+        # what an orbit misses its start by: rounding decides with which step Newton's method ends
+        missed = max(3e-12, *(orbit.residual for orbit in found))
+        np.testing.assert_allclose(speeds, exact, rtol=11.0 * missed / math.sqrt(apart))
     (at_fold,) = over_gap.at(fold)
     assert np.abs(at_fold.multipliers - 1).min() < 1e-6
     assert over_gap.at(fold * (1 + 1e-9)) == ()
