@@ -29,6 +29,7 @@ from femimpact.excitation.column_names import (
     number_in,
 )
 from femimpact.regular_file import decimal_number, open_regular
+from femimpact.units import counted
 
 MOST_LINES = 10_001_000
 """Most lines of the file of a record: 10 million rows behind a header."""
@@ -248,7 +249,7 @@ def _begin(text: str) -> str:
     fields = cells_in(line)
     kinds = ", ".join(_kind(fields, place) for place in range(min(len(fields), SHOWN)))
     more = ", ..." if len(fields) > SHOWN else ""
-    begin = f"begins at line {number} with {len(fields)} cell{'s' * (len(fields) != 1)}: {kinds}{more}"
+    begin = f"begins at line {number} with {counted(len(fields), 'cell')}: {kinds}{more}"
     return f": it {begin if number else 'is empty'}"
 
 

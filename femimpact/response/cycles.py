@@ -15,7 +15,7 @@ from femimpact.errors import check_fields, checked, column, made, quantity, real
 from femimpact.excitation.excitation import Excitation
 from femimpact.response.channels import Channel
 from femimpact.table import Head, column_units, head_of_columns, short_repr
-from femimpact.units import number_text
+from femimpact.units import counted, number_text
 
 PARTS = 8
 """Parts of a window: their scatter tells how far its two halves may differ."""
@@ -113,9 +113,7 @@ class SteadyMotion:
     def _head(self) -> Head:
         """Amplitudes by case, the first and the last."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}
-        return head_of_columns(
-            f"SteadyMotion: {self.peak.size} case{'s' * (self.peak.size != 1)}", columns, column_units(self)
-        )
+        return head_of_columns(f"SteadyMotion: {counted(self.peak.size, 'case')}", columns, column_units(self))
 
 
 def steady_motion(

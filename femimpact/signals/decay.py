@@ -13,7 +13,7 @@ from femimpact.arrays import Array, even_interval
 from femimpact.errors import check_fields, column, items, quantity, real_array, require, takes, text, warns
 from femimpact.signals.damped_sines import DecayFit, noise_of, seen_modes, windows
 from femimpact.table import Head, flat_columns, frame_of, head_of_columns, named_column, short_repr
-from femimpact.units import interval_texts, number_text
+from femimpact.units import counted, interval_texts, number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -155,9 +155,7 @@ class DecayEstimate:
 
     @property
     def _head(self) -> Head:
-        summary = (
-            f"{len(self.modes)} mode{'s' * (len(self.modes) > 1)}, {len(self)} windows, {len(self.warnings)} warnings"
-        )
+        summary = f"{counted(len(self.modes), 'mode')}, {len(self)} windows, {len(self.warnings)} warnings"
         return head_of_columns(f"DecayEstimate: {summary}", *self.columns())
 
     def columns(self) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:

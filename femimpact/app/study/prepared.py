@@ -455,8 +455,8 @@ def _require_room(study: Study, needed: float, what: str) -> None:
     require(needed <= limit, "output.memory_limit", limit, "bytes", allowed)
 
 
-def history_cost(study: Study, small: System, method: Method, record: Recorder) -> Cost:
-    """Memory and time of one history, until it is written."""
+def history_cost(study: Study, small: System, method: Method, record: Recorder, runs: int) -> Cost:
+    """Memory and time of one history that takes so many runs, until it is written."""
     grid = method.time_grid(small, study.excitation, study.history_duration, record)
     steps = round(study.history_duration / grid)
     parts: Mapping[str, int] = memory_needed(
@@ -466,7 +466,6 @@ def history_cost(study: Study, small: System, method: Method, record: Recorder) 
     rest = sum(parts.values()) - kept + PIECE * _pieces(study.excitation)
     cycles = study.history_duration * study.excitation.frequency
     seconds = seconds_of_cycle(method, small, study.excitation.frequency) * cycles
-    runs = RUNS_OF_HISTORY * runs_of_starts(small, study.output.starts)
     return Cost(LEAST + COPIES * kept + rest, START + runs * seconds + WRITING * kept)
 
 

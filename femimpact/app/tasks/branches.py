@@ -35,7 +35,7 @@ from femimpact.orbits.search import TRY, find_orbit, one_sine
 from femimpact.orbits.switching import switch_branch
 from femimpact.response.response import Recorder
 from femimpact.sweep.sweep import frequency_sweep
-from femimpact.units import number_text, parameter_text
+from femimpact.units import counted, number_text, parameter_text
 
 SAME = 1e-6
 """Relative difference of the impact speeds of one orbit that was found twice."""
@@ -149,7 +149,7 @@ def plan_of_orbits(ready: PreparedOrbits) -> Plan:
 
 
 def _cycles(count: int) -> str:
-    return f"{count} cycle{'s' * (count > 1)} of the excitation"
+    return f"{counted(count, 'cycle')} of the excitation"
 
 
 # ---- the branches ---------------------------------------------------------------------------------

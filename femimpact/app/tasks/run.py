@@ -19,6 +19,7 @@ from femimpact.app.study.prepared import (
     LEAST_SAMPLES,
     LIBRARIES,
     PARTS,
+    RUNS_OF_HISTORY,
     PreparedStudy,
     carried_words,
     counts_of,
@@ -65,7 +66,7 @@ from femimpact.system.modes import Modes, first_elastic_frequency, mode_columns,
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.table import flat_columns
-from femimpact.units import number_text
+from femimpact.units import counted, number_text
 
 MODES_LISTED = 4
 
@@ -101,10 +102,15 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     return replace(response, snapshots=film.snapshots)
 
 
+def _is_compared(prepared: PreparedStudy) -> bool:
+    """Whether the history is run without what the structure carries too: with a cycle a sweep does that."""
+    return not has_cycle(prepared.study.excitation) and len(prepared.bare.contacts) < len(prepared.small.contacts)
+
+
 def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
-    """The same history without what the structure carries or meets; None where a cycle makes it that of a sweep."""
+    """The same history without what the structure carries or meets, where it is compared; else None."""
     study, small, bare = prepared.study, prepared.small, prepared.bare
-    if has_cycle(study.excitation) or len(bare.contacts) == len(small.contacts):
+    if not _is_compared(prepared):
         return None
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
@@ -290,7 +296,7 @@ def _details(prepared: PreparedStudy) -> Iterator[str]:
     """Dofs, contact time, gravity, absorbers, contacts and method."""
     full, small = prepared.full, prepared.small
     kind = "modal" if small.is_diagonal else "physical"
-    counts = [f"{count} {name}{'s' * (count > 1)}" for name, count in counts_of(small).items() if count]
+    counts = [counted(count, name) for name, count in counts_of(small).items() if count]
     yield (
         f"dofs: {full.dofs} of the mesh ({full.nodes.size - 1} elements), {small.dofs} integrated ({kind}), "
         f"{', '.join(counts) or 'no ball'}"
@@ -325,9 +331,10 @@ def _costs(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]:
     study, small, method, grid = prepared.study, prepared.small, prepared.method, prepared.grid
     instants = "samples" if step_of(method) is None else "steps"
     if "history" in parts:
+        runs = RUNS_OF_HISTORY * (runs_of_starts(small, study.output.starts) + _is_compared(prepared))
         yield (
             f"history: {round(study.history_duration / grid)} {instants}, {grid:.4g} s apart, {study.history_words}, "
-            f"takes about {history_cost(study, small, method, prepared.record)}"
+            f"takes about {history_cost(study, small, method, prepared.record, runs)}"
             f"{_starts_words(small, study.output.starts)}"
         )
     if "sweep" in parts and study.sweep is not None:

@@ -22,7 +22,7 @@ from femimpact.app.report.markup import Element
 from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultFileWarning
-from femimpact.app.study.prepared import RUNS_OF_HISTORY, START, history_cost
+from femimpact.app.study.prepared import START, history_cost
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.tasks.task import Plan, study_files, write_files
@@ -32,7 +32,7 @@ from femimpact.files import atomic_write
 from femimpact.integrators.cases import cores
 from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
 from femimpact.response.response import Recorder
-from femimpact.units import number_text
+from femimpact.units import counted, number_text
 
 if TYPE_CHECKING:
     import xarray
@@ -158,7 +158,7 @@ def plan_of_cases(study: Study) -> Plan:
     dwell, table = cases.dwell, cases.table
     shape = " x ".join(map(str, table.shape)) if table.is_grid else f"{table.size} of a sample"
     length = f"{dwell} cycles, of which {dwell // 3} are measured" if dwell else study.history_words
-    runs = f"study: {_counted(table.size, 'case')} ({shape}), {_counted(cases.starts, 'start')} each, {length}"
+    runs = f"study: {counted(table.size, 'case')} ({shape}), {counted(cases.starts, 'start')} each, {length}"
     cost = (
         f"study takes about {number_text(seconds + drawn, 2)} s on one core, "
         f"{number_text(seconds / cores() + drawn, 2)} s on {cores()}, "
@@ -174,19 +174,14 @@ def _cost(cases: ParameterStudy, study: Study) -> tuple[float, float]:
     of_cycle = partial(seconds_of_cycle, method, cases.nominal, study.excitation.frequency)
     seconds, memory = of_cycle(sweep=True) * cases.dwell, bytes_of_cycle(method) * AT_ONCE * cases.dwell
     if not cases.has_cycle:
-        alone = replace(study, output=replace(study.output, starts=1))
-        history = history_cost(alone, cases.nominal, method, Recorder((str(cases.observed),)))
-        seconds, memory = RUN_FACTOR * (history.seconds - START) / RUNS_OF_HISTORY, history.memory * cores()
+        history = history_cost(study, cases.nominal, method, Recorder((str(cases.observed),)), 1)
+        seconds, memory = RUN_FACTOR * (history.seconds - START), history.memory * cores()
     elif any(measure.source is Source.RUN for measure in cases.chosen):
         seconds += RUN_FACTOR * of_cycle() * cases.dwell
     own_modes = [codes.tolist() for codes, at in zip(table.codes, table.places, strict=True) if at.stage is Stage.MODES]
     systems = len(set(zip(*own_modes, strict=True)))
     numbers = len(cases.chosen) * len(endings_of(cases.starts))
     return seconds * cases.runs + SECONDS_OF_MODES * systems, memory + COLUMN_BYTES * table.size * (numbers + 8)
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def _disk(cases: ParameterStudy, study: Study) -> float:
