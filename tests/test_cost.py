@@ -25,7 +25,7 @@ from builders import (
 import femimpact as fi
 from femimpact.app.study.prepared import history_cost, mesh_memory, picture_seconds, sweep_cost
 from femimpact.app.tasks.convergence import task_of_convergence
-from femimpact.app.tasks.run import run_modes
+from femimpact.app.tasks.run import run_modes, runs_of_history
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.sweep.curve import on_grid
 
@@ -54,7 +54,7 @@ def peak_of(work):
 def test_memory_of_a_history_is_met_within_a_factor_of_two(tmp_path, study, method, duration):
     study = dataclasses.replace(study, duration=duration, method={"name": method})
     ready = prepare(study, ("simulate",))
-    asked = history_cost(study, ready.small, ready.method, ready.record).memory
+    asked = history_cost(study, ready.small, ready.method, ready.record, 1).memory
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
     assert 0.5 < taken / asked < 2.0
 
@@ -71,7 +71,7 @@ def test_memory_of_several_drives_has_the_pieces_of_each(tmp_path, study):
         output=dataclasses.replace(study.output, every=50),
     )
     ready = prepare(study, ("simulate",))
-    asked = history_cost(study, ready.small, ready.method, ready.record).memory
+    asked = history_cost(study, ready.small, ready.method, ready.record, 1).memory
     taken = peak_of(lambda: run_study(study, tmp_path / "out", parts=("simulate",)))
     # 1.8 without the pieces
     assert 0.7 < taken / asked < 1.5
@@ -128,12 +128,16 @@ def test_the_run_that_finds_the_largest_values_is_in_the_time_of_a_history(study
 
     def seconds(times):
         longer = dataclasses.replace(study, duration=times * study.duration)
-        return history_cost(longer, ready.small, ready.method, sparse).seconds
+        return history_cost(longer, ready.small, ready.method, sparse, runs_of_history(ready)).seconds
 
     cycles = study.duration * study.base.frequency
     run = seconds_of_cycle(ready.method, ready.small, study.base.frequency) * cycles
     # the samples that are written take a hundredth of a run
     assert seconds(200.0) - seconds(100.0) == pytest.approx(100.0 * 2.0 * run, rel=0.05)
+    # without a cycle the history is run without its ball too
+    shock = fi.Shock("half-sine", acceleration=10.0, duration=0.01)
+    assert runs_of_history(ready) == 2
+    assert runs_of_history(dataclasses.replace(ready, study=dataclasses.replace(study, base=shock, sweep=None))) == 4
 
 
 def test_points_of_a_grid_are_found_in_linear_memory():

@@ -49,6 +49,6 @@ def test_every_name_that_scripts_use_most_has_an_example():
     ]
     called = r"\bfi\.(?:\w+\.)?([A-Za-z_]+)"
     used = re.findall(called, "\n".join([*scripts.values(), *pages]))
-    most = sorted(set(PATHS) & set(used), key=lambda name: -used.count(name))[:MOST_USED]
+    most = sorted(set(PATHS) & set(used), key=lambda name: (-used.count(name), name))[:MOST_USED]
     shown = set(re.findall(called, "\n".join(scripts.values()))) | set(with_examples())
     assert set(most) <= shown

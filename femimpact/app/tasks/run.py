@@ -107,6 +107,11 @@ def _is_compared(prepared: PreparedStudy) -> bool:
     return not has_cycle(prepared.study.excitation) and len(prepared.bare.contacts) < len(prepared.small.contacts)
 
 
+def runs_of_history(prepared: PreparedStudy) -> int:
+    """How many runs the history takes: its own, those of several starts, and the one without what it carries."""
+    return RUNS_OF_HISTORY * (runs_of_starts(prepared.small, prepared.study.output.starts) + _is_compared(prepared))
+
+
 def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
     """The same history without what the structure carries or meets, where it is compared; else None."""
     study, small, bare = prepared.study, prepared.small, prepared.bare
@@ -331,7 +336,7 @@ def _costs(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]:
     study, small, method, grid = prepared.study, prepared.small, prepared.method, prepared.grid
     instants = "samples" if step_of(method) is None else "steps"
     if "history" in parts:
-        runs = RUNS_OF_HISTORY * (runs_of_starts(small, study.output.starts) + _is_compared(prepared))
+        runs = runs_of_history(prepared)
         yield (
             f"history: {round(study.history_duration / grid)} {instants}, {grid:.4g} s apart, {study.history_words}, "
             f"takes about {history_cost(study, small, method, prepared.record, runs)}"
