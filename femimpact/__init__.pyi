@@ -24,6 +24,7 @@ from femimpact.excitation.chirp import Chirp as Chirp
 from femimpact.excitation.drives import HammerBlow as HammerBlow
 from femimpact.excitation.drives import LineForce as LineForce
 from femimpact.excitation.drives import PointForce as PointForce
+from femimpact.excitation.drives import Rest as Rest
 from femimpact.excitation.harmonic import Sine as Sine
 from femimpact.excitation.harmonic import SteppedSine as SteppedSine
 from femimpact.excitation.random_base import RandomBase as RandomBase

@@ -197,7 +197,6 @@ CALLS = [
     *(
         ("must hold the beam", partial(fi.Structure, BEAM, supports=[fi.Support(*each) for each in supports]))
         for supports in (
-            [],
             [("pinned", "root")],
             [("guided", "root")],
             [("guided", "root"), ("guided", "tip")],
@@ -206,10 +205,6 @@ CALLS = [
             [("pinned", "tip"), ("pinned", 0.2)],
             [("pinned", "mid"), ("pinned", 0.1)],
         )
-    ),
-    *(
-        ("supports = 'none': must hold the beam", partial(fi.Structure, BEAM, supports=(), springs=springs))
-        for springs in ([], [fi.Spring("slack", "root", 0.0)], [fi.Spring("tie", "root", 1.0, to="tip")])
     ),
     (
         "distinct among masses, impactors, stops, springs, dashpots and absorbers",

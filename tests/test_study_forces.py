@@ -170,7 +170,7 @@ def test_a_parameter_study_over_an_impulse_is_linear_without_balls():
         ((SINE, PULSE.replace("0.1", "9.0")), r"force.swept.delay = 9.0 s: must be < [0-9.]+ s, the history"),
         ((SINE, COIL.replace('"coil"', '""')), r"^force.1.name = '': must be a text without a dot"),
         ((SINE, COIL.replace('"coil"', '"force 2"'), UNNAMED), r'force.name = .* without a name is "force 1", "fo'),
-        ((REST,), r"force: is missing: \[base\] is at rest"),
+        ((REST, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a .* of kind 'rest'"),
         ((REST.replace("history = 2.0\n", ""), HAMMER), r"base.history: is missing"),
         ((SINE, HAMMER, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a sine of the base"),
     ],

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +63,33 @@ class BaseAtRest:
     __radd__ = added
 
 
+@dataclass(frozen=True)
+class Rest(WithoutCycle, BaseAtRest):
+    """Nothing drives the structure: the base stands still and no force acts, as in a free decay. It has no cycle.
+
+    As an excitation None is the same.
+
+    Parameters
+    ----------
+    end : float, s, optional
+        When the run ends; `integrate` sets it.
+    """
+
+    end: float | None = field(default=None, compare=False, metadata=optional(quantity("s", above=0.0)))
+
+    words: ClassVar[str] = "nothing drives it"
+
+    @property
+    def frequency(self) -> float:
+        """The lowest frequency (Hz) of which a run holds a period, 1/end; 0 Hz before the end is known."""
+        return 0.0 if self.end is None else 1.0 / self.end
+
+    @cached_property
+    def closed_form(self) -> PiecewisePolynomial:
+        """Acceleration of the base: zero, m/s^2."""
+        return PiecewisePolynomial([0.0, 1.0 if self.end is None else self.end], [[0.0]])
+
+
 PLACE = place()
 PLACE_OR_LINE = {**PLACE, "take": lambda at: at if isinstance(at, LineLoad) else PLACE["take"](at)}
 
@@ -109,7 +136,7 @@ class PointForce(BaseAtRest):
         super().__post_init__()
         allowed = "must be a Sine, Chirp, SteppedSine, RandomBase, Shock, RecordedBase or a sum of motions of the base"
         good = all(hasattr(self.history, name) for name in MEMBERS) and not (
-            hasattr(self.history, "at") or holds_drives(self.history)
+            hasattr(self.history, "at") or holds_drives(self.history) or isinstance(self.history, Rest)
         )
         require(good and not isinstance(self.history, type), "history", kind_of(self.history), "", allowed)
         for part in parts_of(self.history):
@@ -336,20 +363,22 @@ class Drives:
 
 
 def until(excitation: Any, end: float) -> Any:
-    """An excitation with a closed form up to a time (s): of a sum, a force or several drives, others as they are."""
+    """An excitation with a closed form up to a time (s): of a sum, a force, drives or a `Rest`, others as they are."""
     if isinstance(excitation, PointForce) and isinstance(excitation.history, Sum):
         return replace(excitation, history=until(excitation.history, end))
     # that of the same end has its forms already
-    if not isinstance(excitation, Sum | Drives) or (isinstance(end, float) and end == excitation.end):
+    if not isinstance(excitation, Sum | Drives | Rest) or (isinstance(end, float) and end == excitation.end):
         return excitation
-    if isinstance(excitation, Sum):
+    if isinstance(excitation, Sum | Rest):
         return replace(excitation, end=end)
     forces = tuple(until(force, end) for force in excitation.forces)
     return replace(excitation, base=until(excitation.base, end), forces=forces, end=end)
 
 
 def alone(excitation: Any) -> Any:
-    """The drive itself where there is but one of `Drives`."""
+    """The drive itself where there is but one of `Drives`; None is a `Rest`."""
+    if excitation is None:
+        return Rest()
     return excitation.drives[0] if isinstance(excitation, Drives) and len(excitation.drives) == 1 else excitation
 
 

@@ -29,11 +29,12 @@ AT_SAMPLE = 1e-9
 class Excitation(Protocol):
     """A motion of the base, or a force at a place; a user's class with these members serves every step method.
 
-    Three members more are optional:
+    Four members more are optional:
 
     - `closed_form`, a `Harmonic`, a `BrokenLine` or a `PiecewisePolynomial` of the base's acceleration (m/s^2) or of
       the force (N): the event-driven method needs it.
     - `has_cycle`, False where there is none: statistics are over time, and `frequency` is only the highest one of it.
+    - `words`, what reports and pictures call it.
     - `at`, a place, with `force(time)` in N: the history acts there as a force. The base then stands still, so that its
       motions are zero.
     """
@@ -193,6 +194,8 @@ def words_of(excitation: Any) -> str:
     """The excitation in a few words: "base at 5 Hz", "base: chirp + sine", "force at tip: hammer blow"."""
     if holds_drives(excitation):
         return ", ".join(map(words_of, excitation.drives))
+    if hasattr(excitation, "words"):
+        return str(excitation.words)
     place = getattr(excitation, "at", None)
     driven = "base" if place is None else f"force at {f'{place:g} m' if isinstance(place, (int, float)) else place}"
     if has_cycle(excitation) and math.isfinite(excitation.phase):

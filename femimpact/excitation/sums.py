@@ -121,16 +121,16 @@ class Sum:
 
 def added(first: Any, second: Any) -> Any:
     """Both excitations at once: a `Sum` of motions of the base, `Drives` where there is a force."""
-    from femimpact.excitation.drives import Drives  # which are made of sums
+    from femimpact.excitation.drives import Drives, Rest  # which are made of sums
 
     if any(not hasattr(second, name) for name in MEMBERS):
         return NotImplemented
     drives = [drive for item in (first, second) for drive in getattr(item, "drives", (item,))]
-    bases = [part for drive in drives if not is_force(drive) for part in parts_of(drive)]
+    moving = (drive for drive in drives if not (is_force(drive) or isinstance(drive, Rest)))
+    bases = [part for drive in moving for part in parts_of(drive)]
     forces = tuple(drive for drive in drives if is_force(drive))
-    if not forces:
-        return Sum(tuple(bases))
-    return Drives((Sum(tuple(bases)) if len(bases) > 1 else bases[0]) if bases else None, forces)
+    base = Sum(tuple(bases)) if len(bases) > 1 else bases[0] if bases else None
+    return Drives(base, forces) if forces else base or first
 
 
 def parts_of(history: Any) -> tuple[Any, ...]:

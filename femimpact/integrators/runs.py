@@ -27,6 +27,7 @@ from femimpact.response.history import HistoryPiece
 from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
+from femimpact.system.matrices import rigid_motions
 from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import ROUNDED, State, begun_anew
 from femimpact.system.system import System
@@ -39,7 +40,7 @@ OTHER_END = 1e-3
 @overload
 def integrate(
     system: System,
-    excitation: Excitation,
+    excitation: Excitation | None,
     method: Method,
     duration: float,
     record: Recorder | None = None,
@@ -53,7 +54,7 @@ def integrate(
 @overload
 def integrate(
     system: System,
-    excitation: Sequence[Excitation],
+    excitation: Sequence[Excitation | None],
     method: Method,
     duration: float,
     record: Recorder | None = None,
@@ -68,7 +69,7 @@ def integrate(
 @draws_progress
 def integrate(
     system: System,
-    excitation: Excitation | Sequence[Excitation],
+    excitation: Excitation | Sequence[Excitation | None] | None,
     method: Method,
     duration: float,
     record: Recorder | None = None,
@@ -85,8 +86,8 @@ def integrate(
     ----------
     system : System
         Physical or reduced.
-    excitation : Sine, PointForce, RecordedBase or another `Excitation`, or a sequence of them
-        Each of a sequence has a separate run.
+    excitation : Sine, PointForce, Rest or another `Excitation`, or a sequence of them
+        Each of a sequence has a separate run. None is `Rest()`: nothing drives the structure.
     method : Newmark, HHT, WBZ, GeneralizedAlpha, MoreauJean or EventDriven
         Or any other with the members of `methods.Method`.
     duration : float, s
@@ -143,9 +144,9 @@ def integrate(
 def _checked_drives(excitations: Iterable[Any]) -> list[Any]:
     """The excitations, one or more, each checked before the next: of a long range none is made."""
     drives = list[Any]()
-    for drive in excitations:
+    for drive in map(alone, excitations):
         require_excitation(drive)
-        drives.append(alone(drive))
+        drives.append(drive)
     require(len(drives) > 0, "excitation", None, "", "must be one or more")
     return drives
 
@@ -157,7 +158,10 @@ def _with_remarks(
     """The response with warnings and notes on its excitation, deflections, end, stops and start."""
     warnings = (
         *drive_warnings(system, drive, end, start),
-        *deflection_warnings(_largest_deflections(response, recorder), system.length),
+        # what nothing holds may go far without being bent
+        *deflection_warnings(
+            _largest_deflections(response, recorder), system.length * (rigid_motions(system).shape[1] < 2)
+        ),
     )
     notes = (
         *motion_notes(drive, system.length, end),

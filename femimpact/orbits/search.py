@@ -190,8 +190,11 @@ def one_sine(excitation: Any) -> Sine | PointForce:
     Raises `InputError` for any other.
     """
     drive = sine_of(excitation)
-    allowed = "must be one Sine, or a PointForce with one: periodic orbits are those under a single sine"
-    require(drive is not None, "excitation", kind_of(excitation), "", allowed)
+    allowed = (
+        "must be one Sine, or a PointForce with one: periodic orbits are those under a single sine, and integrate runs "
+        "others"
+    )
+    require(drive is not None, "excitation", kind_of(alone(excitation)), "", allowed)
     return cast("Sine | PointForce", drive)
 
 

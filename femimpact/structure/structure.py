@@ -368,7 +368,8 @@ class Structure:
     damping : Rayleigh or ModalDamping, optional
         None means undamped.
     supports : sequence of Support
-        The default clamps the root.
+        The default clamps the root. None at all leave the beam free: Rayleigh damping, and ratios of modes, then act on
+        the elastic modes alone, and its momentum stays.
     gravity : float, m/s^2
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. The
         `acceleration` of a ball adds to it.
@@ -492,9 +493,9 @@ class Structure:
         kinds = [f"{support.kind} at {support.at}" for support in self.supports]
         allowed = (
             "must hold the beam: one clamped end, two pinned places, a pinned and a guided one, or a spring to the "
-            "base at one place or more"
+            "base at one place or more; without any support it is free"
         )
-        require(stiff, "supports", ", ".join(kinds) or "none", "", allowed)
+        require(stiff or not self.supports, "supports", ", ".join(kinds) or "none", "", allowed)
 
 
 def glue_impactors(structure: Structure) -> Structure:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import checked, in_range, level_rows, quantity, real_array, require, require_type, truth, warns
+from femimpact.excitation.drives import Rest
 from femimpact.excitation.harmonic import Level, Sine, level_at, require_reach
 from femimpact.integrators.cases import SineCases, SineDwellResults, joined, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
@@ -199,6 +200,8 @@ def frequency_sweep(
 
 def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple[float | None, Level | None]:
     """Amplitude (m) or acceleration (m/s^2) of the base, one of which is given; rows reach over frequencies (Hz)."""
+    allowed = "has no frequency to sweep over: integrate runs a free decay, and identify_decay reads its frequencies"
+    require(not isinstance(amplitude, Rest), "amplitude", "Rest", "", allowed)
     exclusive = (amplitude is None) != (acceleration is None)
     wrong = None if amplitude is None else "both"
     require(exclusive, "amplitude", wrong, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")

@@ -314,6 +314,12 @@ def damped_with_modes(
     if isinstance(damping, ModalDamping):
         return _by_modes(system, modes, np.array(damping.each)), modes
     alpha, beta = (0.0, 0.0) if damping is None else rayleigh_of(damping, 2.0 * math.pi * modes.natural_frequency)
+    rigid = rigid_motions(system)
+    if alpha > 0.0 and rigid.shape[1] == 2 and system.sections is not None:
+        # that of a beam which nothing holds keeps its momentum
+        momentum = system.M @ rigid
+        C = sparse.csr_array(alpha * (system.M - sparse.csr_array(momentum @ momentum.T)) + beta * system.K)
+        return with_checked_fields(system, C=C, rayleigh=None), modes
     damped = with_checked_fields(
         system,
         C=sparse.csr_array(system.C.shape) if damping is None else sparse.csr_array(alpha * system.M + beta * system.K),
@@ -340,8 +346,10 @@ def rayleigh_of(damping: Rayleigh, omega: NDArray[np.float64]) -> tuple[float, f
 def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> System:
     """C = beta K + sum_k c_k (M phi_k)(M phi_k)^T, on the held rows, too."""
     omega = 2.0 * math.pi * modes.natural_frequency[: ratio.size]
-    held = bool(omega[0] > 0.0)
-    require(held, "damping.ratios", float(ratio[0]), "", "needs a structure that is held: a rigid motion has no ratio")
+    rigid = int(np.count_nonzero(omega == 0.0))
+    still = bool(rigid < ratio.size and not np.any(ratio[:rigid]))
+    allowed = f"must be 0 for each of the {rigid} rigid motions, which have no ratio, and then those of elastic modes"
+    require(rigid == 0 or still, "damping.ratios", float(ratio[0]), "", allowed)
     beta = 2.0 * float(ratio[-1] / omega[-1])
     size = 2.0 * ratio * omega - beta * omega**2
     vectors = modes.vectors[:, : ratio.size]

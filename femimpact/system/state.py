@@ -117,6 +117,19 @@ STILL = 1e-9
 
 SYSTEM, BASE = instance(System), having("an excitation", MEMBERS)
 
+
+def _at_place(unit: str) -> dict[str, Any]:
+    """Metadata of a field that holds None, or a place and a number in a unit."""
+    at, size = place(), quantity(unit)
+    allowed = f"must be a place and a finite number in {unit}: {at['allowed']}"
+
+    def take(pair: Any) -> tuple[Position, float]:
+        name, number = pair if isinstance(pair, tuple) and len(pair) == 2 else (None, None)
+        return at["take"](name), size["take"](number)
+
+    return optional({"unit": unit, "allowed": allowed, "take": take})
+
+
 STATIC_FRAME = "must be 'base' for a static start: the static state is one relative to the base"
 
 
@@ -139,6 +152,8 @@ class State:
     sqrt(p'^2 + 2 V(p)/m), with which a pair of the effective mass m would have met the wall without loss. The row of
     that contact in the table of impacts counts from the start on.
 
+    `pull` and `blow` give what is not given otherwise: the displacements, those of balls included, and the velocities.
+
     Parameters
     ----------
     displacement, velocity : array_like (dofs,), optional
@@ -152,6 +167,10 @@ class State:
         base, in place of zero.
     time : float, s
         When the run begins: the excitation is taken from there on, and all times of the response are counted from 0 s.
+    pull : (str or float, float), optional
+        A place and its displacement (m) under a force there; see `State.pulled`.
+    blow : (str or float, float), optional
+        A place and its speed (m/s) after a blow there; see `State.struck`.
     continuation : Continuation, optional
         What the run that ended here has left to its method; None for a state made by hand.
 
@@ -168,6 +187,8 @@ class State:
     frame: str = field(default="base", metadata=choice("base", "space"))
     equilibrium: bool = field(default=False, metadata=truth())
     time: float = field(default=0.0, metadata=quantity("s", at_least=0.0))
+    pull: tuple[Position, float] | None = field(default=None, metadata=_at_place("m"))
+    blow: tuple[Position, float] | None = field(default=None, metadata=_at_place("m/s"))
     continuation: Continuation | None = field(default=None, repr=False, metadata=optional(instance(Continuation)))
 
     def __post_init__(self) -> None:
@@ -181,6 +202,9 @@ class State:
         check_fields(self)
         sound = not self.equilibrium or self.frame == "base"
         require(sound, "frame", self.frame, "", STATIC_FRAME)
+        for name, given in (("pull", self.displacement), ("blow", self.velocity)):
+            twice = getattr(self, name) is not None and (given is not None or (name == "pull" and self.equilibrium))
+            require(not twice, name, getattr(self, name), "", "must be left out where that of dofs is given")
 
     @classmethod
     def static(cls) -> State:
@@ -252,19 +276,60 @@ class State:
             If the structure can move as a rigid body, or the place is unknown.
         """
         name = system.default_place if at is None else at
-        held = rigid_motions(system).shape[1] == 0
-        require(held, "system", "one with rigid motions", "", "must be held: a force moves what is free without end")
-        load = force * system.point_row(name) + np.asarray(system.constant_load)
-        return cls._with_balls(system, solve_stiffness(system, load[:, None])[:, 0])
+        own, of_force = _bent(system, name)
+        return cls._with_balls(system, own + force * of_force)
 
     @classmethod
     def _with_balls(cls, system: System, u: Array) -> State:
         """The structure at rest where it is displaced (m), each ball in the middle of the box that it carries along."""
-        middles = [
-            0.5 * (pair.gaps[0] - pair.gaps[1]) if np.all(np.isfinite(pair.gaps)) else 0.0 for pair in system.balls
-        ]
-        carried = [float(pair.direction @ u) + middle for pair, middle in zip(system.balls, middles, strict=True)]
-        return cls(displacement=u, ball_displacement=carried or None)
+        carried = _carried(system, u)
+        return cls(displacement=u, ball_displacement=carried if carried.size else None)
+
+    @classmethod
+    @takes(at=place(), displacement=quantity("m"))
+    def pulled(cls, at: Position, displacement: float, ball_displacement: ArrayLike | None = None) -> State:
+        """The structure at rest as a force at a place bends it; the force lets go at the start.
+
+        K u = b F + constant forces, with F such that b^T u = displacement. The system's contacts do not act, and a run
+        refuses a start beyond rigid walls, and a structure that is not held.
+
+        Parameters
+        ----------
+        at : str or float
+            Named place, or metres from the root.
+        displacement : float, m
+            Of the place.
+        ball_displacement : array_like (balls,), optional
+            m, relative to the base, in the order of `System.contacts`; None is the middle of each box where the bent
+            structure carries it.
+
+        Examples
+        --------
+        >>> import femimpact as fi
+        >>> start = fi.State.pulled("tip", 10e-3)
+        >>> decay = fi.integrate(system, fi.Rest(), fi.EventDriven(), duration=1.0, initial=start)
+        >>> round(decay["tip"][0], 9)
+        0.01
+        """
+        return cls(pull=(at, displacement), ball_displacement=ball_displacement)
+
+    @classmethod
+    @takes(at=place(), speed=quantity("m/s"))
+    def struck(cls, at: Position, speed: float) -> State:
+        """The structure undeformed as an ideal blow at a place leaves it; balls at rest.
+
+        v = M^-1 b J with the impulse J = speed/(b^T M^-1 b) (N s). Of a reduced system M^-1 is that of the modes kept,
+        v = speed sum phi_k phi_k(at)/sum phi_k(at)^2: J becomes less with each further mode, and settles only where a
+        body stands at the place. Where J is known, `HammerBlow` is a blow of some length.
+
+        Parameters
+        ----------
+        at : str or float
+            Named place, or metres from the root.
+        speed : float, m/s
+            Of the place, along the deflection.
+        """
+        return cls(blow=(at, speed))
 
     @classmethod
     @takes(system=SYSTEM, speed=quantity("m/s"))
@@ -283,13 +348,13 @@ class State:
     def is_at_rest(self) -> bool:
         """True if nothing moves, or is displaced from where the state's frame or equilibrium has it."""
         fields = (self.displacement, self.velocity, self.ball_displacement, self.ball_velocity)
-        return all(values is None or not np.any(values) for values in fields)
+        return self.pull is self.blow is None and all(values is None or not np.any(values) for values in fields)
 
     @takes(system=SYSTEM)
     def is_static_on(self, system: System) -> bool:
         """True if displacements that are not given are those of the static state of a system."""
         preloaded = any(pair.is_preloaded for pair in system.contacts)
-        return self.equilibrium or (self.displacement is None and preloaded)
+        return self.equilibrium or (self.displacement is None and self.pull is None and preloaded)
 
     @takes(system=SYSTEM, base=BASE)
     def static_contacts(self, system: System, base: Excitation) -> StaticContacts | None:
@@ -329,8 +394,11 @@ class State:
         balls, stops = len(system.balls), system.contacts[len(system.balls) :]
         rest = self.static_contacts(system, base)
         still, placed = (None, None) if rest is None else (rest.displacement, rest.other[:balls])
+        if self.pull is not None:
+            still, placed = _pulled(system, *self.pull)
         u = _vector(self.displacement, system.dofs, "initial.displacement", "m", still)
-        v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s")
+        moved = None if self.blow is None else _struck(system, *self.blow)
+        v = _vector(self.velocity, system.dofs, "initial.velocity", "m/s", moved)
         y = _vector(self.ball_displacement, balls, "initial.ball_displacement", "m", placed)
         y_rate = _vector(self.ball_velocity, balls, "initial.ball_velocity", "m/s")
         if self.frame == "space":
@@ -352,6 +420,45 @@ class State:
             inside = -pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate
+
+
+def _carried(system: System, u: Array) -> Array:
+    """Places (m) of the balls in the middle of the boxes that a displaced structure carries along."""
+    middles = [0.5 * (pair.gaps[0] - pair.gaps[1]) if np.all(np.isfinite(pair.gaps)) else 0.0 for pair in system.balls]
+    return np.array([pair.direction @ u + middle for pair, middle in zip(system.balls, middles, strict=True)])
+
+
+def _bent(system: System, at: Position) -> tuple[Array, Array]:
+    """Displacements (dofs,) by constant forces (m), and by a force of 1 N at a place."""
+    held = rigid_motions(system).shape[1] == 0
+    require(held, "system", "one with rigid motions", "", "must be held: a force moves what is free without end")
+    loads = np.column_stack([system.constant_load, system.point_row(at)])
+    own, of_force = solve_stiffness(system, loads).T
+    return own, of_force
+
+
+def _pulled(system: System, at: Position, displacement: float) -> tuple[Array, Array]:
+    """Displacements of the structure and of the balls in it; see `State.pulled`."""
+    own, of_force = _bent(system, at)
+    u = own + (displacement - own @ system.point_row(at)) * _along(system, of_force, "initial.pull", at)
+    return u, _carried(system, u)
+
+
+def _struck(system: System, at: Position, speed: float) -> Array:
+    """Velocities of the structure; see `State.struck`."""
+    from scipy.sparse.linalg import spsolve
+
+    row = system.point_row(at)
+    return speed * _along(system, spsolve(system.M.tocsc(), row), "initial.blow", at)
+
+
+def _along(system: System, motion: Array, key: str, at: Position) -> Array:
+    """A motion of the structure (dofs,) scaled so that a place moves by 1."""
+    row = system.point_row(at)
+    moved = float(row @ motion)
+    still = moved <= STILL**2 * float(np.linalg.norm(row) * np.linalg.norm(motion))
+    require(not still, key, at, "", "must be a place that moves")
+    return motion / moved
 
 
 def _are_equal(own: tuple[Array | None, ...], reference: tuple[Array, ...]) -> bool:

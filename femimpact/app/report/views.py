@@ -20,9 +20,9 @@ from femimpact.app.results.result_directory import FIGURES, FILES, new_file
 from femimpact.app.study.findings import START_WORDS
 from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
-from femimpact.errors import InputError
+from femimpact.errors import InputError, warnings_left_to_caller
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, HammerBlow
+from femimpact.excitation.drives import Drives, HammerBlow, Rest
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
@@ -33,7 +33,7 @@ from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.orbits.branch import Branch
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.response.response import Response
-from femimpact.signals.decay import DecayEstimate
+from femimpact.signals.decay import DecayEstimate, identify_decay
 from femimpact.signals.densities import Spectrum, drive_history, remarks, spectrum
 from femimpact.signals.estimates import measured_transfer
 from femimpact.signals.shock_response import ShockResponseSpectrum, shock_response_spectrum
@@ -81,11 +81,11 @@ def measures_of(dataset: xarray.Dataset) -> list[Measure]:
 
 def spectra_of(
     run: Response, told: Callable[[str], str] = str
-) -> tuple[list[Spectrum | TransferFunction | ShockResponseSpectrum], list[str]]:
+) -> tuple[list[DecayEstimate | Spectrum | TransferFunction | ShockResponseSpectrum], list[str]]:
     """What a run is read by where its drive has it, and a line for each channel that cannot be.
 
-    Densities of a random drive, transfer functions of a chirp, a stepped sine or a blow, the response spectrum of a
-    shock; `told` puts a fault into the words of who gave the run.
+    The damping of a free decay, densities of a random drive, transfer functions of a chirp, a stepped sine or a blow,
+    the response spectrum of a shock; `told` puts a fault into the words of who gave the run.
     """
     if isinstance(run.base, Drives):
         words = "No transfer function: several drives act at once, and a run under each of them alone has its own."
@@ -93,15 +93,20 @@ def spectra_of(
     if isinstance(run.base, Shock):
         f = np.geomspace(0.05 / run.base.duration, 50.0 / run.base.duration, 60)
         return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
-    history, found, refused = drive_history(run), list[Spectrum | TransferFunction | ShockResponseSpectrum](), []
+    history, refused = drive_history(run), list[str]()
+    found = list[DecayEstimate | Spectrum | TransferFunction | ShockResponseSpectrum]()
     for name in [name for name, unit in run.units.items() if unit != "N"][:MOST_LINES]:
         try:
             if isinstance(history, RandomBase):
                 found.append(spectrum(run, name))
             elif isinstance(history, Chirp | SteppedSine | HammerBlow):
                 found.append(measured_transfer(run, name))
+            elif isinstance(history, Rest) and not found:
+                with warnings_left_to_caller():
+                    found.append(identify_decay(run.time, run[name]))
         except InputError as error:
-            refused.append(f"No spectrum of {name}: {told(str(error))}.")
+            what = "damping" if isinstance(history, Rest) else "spectrum"
+            refused.append(f"No {what} of {name}: {told(str(error))}.")
     return found, refused
 
 
@@ -181,7 +186,10 @@ VIEWS = (
     ),
     View("orbits", Branch, "branch", lambda one: figures.branch(one, OFF_SCREEN), title="Largest displacement"),
     View("orbits", PeriodicOrbit, "orbit", lambda one: figures.orbit(one, figure=OFF_SCREEN), title="One period"),
-    View("drive", Run, "drive", lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN)),
+    View(
+        "drive", Run, "drive", lambda run: figures.drive(run.whole.base, float(run.whole.time[-1]), OFF_SCREEN),
+        when=lambda run: not isinstance(run.whole.base, Rest),
+    ),
     View(
         "motion", Run, "history", lambda run: figures.channels(run.whole, run.end, OFF_SCREEN),
         when=lambda run: bool(drawn_channels(run.whole)), file="history",

@@ -25,7 +25,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.columns import record_text
-from femimpact.excitation.drives import Drives, HammerBlow, PointForce
+from femimpact.excitation.drives import Drives, HammerBlow, PointForce, Rest
 from femimpact.excitation.excitation import LineLoad, words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.random_base import RandomBase
@@ -264,7 +264,7 @@ def _sum(parts: Any = ()) -> Sum:
 
 
 def _rest() -> None:
-    """A base that stands still while forces act."""
+    """A base that stands still: forces drive the structure, or nothing does."""
 
 
 def _part(number: int, values: dict[str, Any]) -> Any:
@@ -438,9 +438,6 @@ def named_forces(base: Any, forces: tuple[Any, ...]) -> Iterator[tuple[str, Any]
 
 def check_drives(base: Any, forces: tuple[Any, ...], duration: float | None) -> None:
     """Raise `InputError`, by the keys of the study file, for drives that do not fit one another or the history."""
-    if base is None and not forces:
-        allowed = "is missing: [base] is at rest, and a [[force]] must drive the history"
-        raise InputError([Fault("force", None, "", allowed)])
     history = history_duration(base, duration)
     if history is None:
         of = "with the shock" if isinstance(base, Shock) else "with all parts"
@@ -466,10 +463,11 @@ def check_drives(base: Any, forces: tuple[Any, ...], duration: float | None) -> 
 
 def words_of_history(base: Any, forces: tuple[Any, ...], duration: float) -> str:
     """Words for the length (s) of a history and for its drives."""
-    if forces:
-        return f"{words_of_history(base, (), duration)}, with {', '.join(map(words_of, forces))}"
+    drives = f"with {', '.join(map(words_of, forces))}" if forces else Rest.words
     if base is None:
-        return f"{duration:g} s of a base at rest"
+        return f"{duration:g} s of a base at rest, {drives}"
+    if forces:
+        return f"{words_of_history(base, (), duration)}, {drives}"
     if isinstance(base, Sine):
         return f"{duration:g} s at {base.frequency:g} Hz"
     if isinstance(base, RecordedBase):

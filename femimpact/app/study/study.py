@@ -358,9 +358,9 @@ class Study:
 
     @cached_property
     def excitation(self) -> Excitation:
-        """Drives of the simulated history: the motion of the base, a force, or several of them as `Drives`."""
-        drives = alone(Drives(self.base, self.forces)) if self.forces else self.base
-        excitation: Excitation = until(drives, self.history_duration)
+        """Drives of the simulated history: the motion of the base, a force, several of them as `Drives`, or `Rest`."""
+        drives = Drives(self.base, self.forces) if self.forces else self.base
+        excitation: Excitation = until(alone(drives), self.history_duration)
         return excitation
 
     @cached_property
