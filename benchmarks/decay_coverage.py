@@ -70,9 +70,8 @@ def ring_down(
     system = damper(mass, gap, restitution, modes)
     place = amplitude + 0.9 * gap * random.uniform(-1.0, 1.0)
     start = replace(fi.State.of_mode(system, 1, amplitude), ball_displacement=[place])
-    still = fi.RecordedBase([0.0, 0.0], interval=duration)
     record = fi.Recorder(("tip", "tip.velocity"), interval=1e-3)
-    return fi.integrate(system, still, fi.EventDriven(), duration, record, initial=start)
+    return fi.integrate(system, fi.Rest(), fi.EventDriven(), duration, record, initial=start)
 
 
 def window_coverage(records: int) -> None:

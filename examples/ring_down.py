@@ -28,8 +28,7 @@ import femimpact as fi
 def ring_down(system: fi.System, amplitude: float) -> fi.response.Response:
     """The motion of the first mode from a deflection of the tip (m) on, the ball at rest at its place in the box."""
     start = fi.State.of_mode(system, 1, amplitude)
-    still = fi.RecordedBase([0.0, 0.0], interval=8.0)
-    return fi.integrate(system, still, fi.EventDriven(), 8.0, fi.Recorder(("tip",), interval=2e-3), initial=start)
+    return fi.integrate(system, fi.Rest(), fi.EventDriven(), 8.0, fi.Recorder(("tip",), interval=2e-3), initial=start)
 
 
 def main(amplitude: float = 0.02, noise: float = 0.01, seed: int = 1) -> dict[str, fi.signals.DecayEstimate]:

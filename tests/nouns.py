@@ -175,6 +175,7 @@ NOUNS = {
     "PointForce": lambda: fi.PointForce("tip", BASE),
     "PointMass": lambda: STRUCTURE.masses[0],
     "PowerLaw": lambda: fi.contact.Flores(1e7, 0.7),
+    "Rest": lambda: fi.Rest(),
     "Rayleigh": lambda: fi.Rayleigh((0.01, 0.02), modes=(1, 2)),
     "RecordedBase": lambda: fi.RecordedBase([0.0, 1.0, 0.5], 0.1),
     "ParameterStudy": lambda: fi.app.ParameterStudy(**parameter_study()),
@@ -393,6 +394,8 @@ VERBS = {
     }),
     "State.of_mode": (fi.State.of_mode, lambda: {"system": small(), "mode": 1, "amplitude": 1e-3, "at": "tip"}),
     "State.under_force": (fi.State.under_force, lambda: {"system": small(), "force": 0.01, "at": "tip"}),
+    "State.pulled": (fi.State.pulled, lambda: {"at": "tip", "displacement": 1e-3}),
+    "State.struck": (fi.State.struck, lambda: {"at": "tip", "speed": 0.1}),
     "State.with_speed": (fi.State.with_speed, lambda: {"system": small(), "speed": 0.1}),
     **{
         f"{noun}.{name}": (getattr(base, name), lambda: {"time": 0.1})

@@ -12,6 +12,7 @@ from femimpact.arrays import Array
 from femimpact.contact.collision import EFFECTIVE_MASS
 from femimpact.contact.law import ContactLaw, a_law, collide, contact_force, resolve
 from femimpact.errors import instance, quantity, require, takes, text
+from femimpact.excitation.drives import Rest
 from femimpact.excitation.excitation import words_of
 from femimpact.figures.drawing import (
     COLOURS,
@@ -35,11 +36,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 
+def _shown_time(response: Response) -> tuple[float, float]:
+    """Begin and end (s) of the impacts that are shown: the last third of a run, and all of a free decay."""
+    return (response.start if isinstance(response.base, Rest) else response.window[0]), response.window[1]
+
+
 @takes(response=instance(Response))
 def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """Histograms of the impacts in the last third of a run: approach speed, impulse, energy loss.
 
-    Both walls are stacked; the dashed line is the mean.
+    Of a free decay they are those of the whole run. Both walls are stacked; the dashed line is the mean.
 
     Parameters
     ----------
@@ -52,7 +58,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     ndarray (3,) of Axes
     """
     impacts = response.impacts
-    start, end = response.window
+    start, end = _shown_time(response)
     inside = (impacts.time >= start) & (impacts.time < end)
     axes: NDArray[np.object_] = panels(figure, 10.0, 3.9, 1, 3, sharey=True)[0]
     columns = (
@@ -85,7 +91,7 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
 def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axes:
     """Impulse of each impact over the base's phase, last third of the run, with the regime in the title.
 
-    Of an excitation that has no phase it is over time.
+    Of an excitation that has no phase it is over time, of a free decay in the whole run.
 
     Parameters
     ----------
@@ -94,7 +100,7 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
         Drawn on; those of a new pyplot figure by default.
     """
     impacts = response.impacts
-    start, end = response.window
+    start, end = _shown_time(response)
     inside = (impacts.time >= start) & (impacts.time < end)
     impulse, unit = scaled(np.abs(impacts.impulse[inside]), "N s")
     phase, sides = np.degrees(impacts.phase[inside]), impacts.side[inside]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import InputError
 from femimpact.excitation.chirp import Chirp
-from femimpact.excitation.drives import Drives, named_parts
+from femimpact.excitation.drives import Drives, Rest, named_parts
 from femimpact.excitation.excitation import BrokenLine, Excitation, Harmonic, is_force
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, pieces_of
@@ -126,6 +126,8 @@ def row_of(
 
 def base_rows(system: System, excitation: Excitation, duration: float | None) -> Iterator[PreflightRow]:
     """Largest displacement, velocity and acceleration that the shaker has to make, and the drift of a record."""
+    if isinstance(excitation, Rest):
+        return
     if isinstance(excitation, Drives):
         excitation = excitation.base
     if excitation is None or is_force(excitation):
@@ -236,6 +238,8 @@ def drive_warnings(system: System, excitation: Excitation, end: float, initial: 
 
 def _of_histories(system: System, excitation: Excitation, end: float | None, initial: State) -> Iterator[PreflightRow]:
     """Each history beside the modes that are kept, and each record up to a time (s) beside its samples and start."""
+    if isinstance(excitation, Rest):
+        return
     if initial.is_at_rest and initial.time == 0.0:
         yield from _begin_in_motion(system, excitation)
     for what, value, unit, limit, text in drives_above_modes(excitation, system.highest_kept, system.first_left_out):

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, checked, choice, kind_of, quantity, require, require_type, text
+from femimpact.excitation.drives import Rest
 from femimpact.response.impacts import Impacts, StickingPhases
 
 MOST_CYCLES = 1e8
 """Most cycles of a window; more is taken for a mistake."""
+
+
+FREE_DECAY = "free decay"
+"""Kind of every motion that nothing drives."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,8 @@ class Regime:
     kind : str
         "no impacts", "periodic", "sticking", "chatter", "chaotic" where no period was found up to the
         longest one that was tested (a longer period, a transient and noise get this name too), "not periodic" where
-        the excitation has no cycle, or "undecided" where the window is too short or its table incomplete.
+        the excitation has no cycle, "free decay" where nothing drives the structure, or "undecided" where the window
+        is too short or its table incomplete.
     impacts, cycles : int
         Significant impacts in that many base cycles, after which they repeat; 0 where nothing repeats.
         Sticking and chattering motions may repeat too.
@@ -63,7 +70,9 @@ class Regime:
     """
 
     kind: str = field(
-        metadata=choice("no impacts", "periodic", "sticking", "chatter", "chaotic", "not periodic", "undecided")
+        metadata=choice(
+            "no impacts", "periodic", "sticking", "chatter", "chaotic", "not periodic", "undecided", FREE_DECAY
+        )
     )
     impacts: int = field(metadata=quantity("1", at_least=0, integer=True))
     cycles: int = field(metadata=quantity("1", at_least=0, integer=True))
@@ -165,8 +174,10 @@ def classify(
     return _without_period(impacts, window, rules)
 
 
-def without_cycle(impacts: Impacts) -> Regime:
+def without_cycle(impacts: Impacts, base: Any) -> Regime:
     """The kind of motion under an excitation that has no cycle."""
+    if isinstance(base, Rest):
+        return Regime(FREE_DECAY, 0, 0, FREE_DECAY, Rest.words)
     if len(impacts) == 0:
         return Regime("no impacts", 0, 0, "no impacts", "no impact in the run")
     words = "the excitation has no cycle after which anything could repeat"

@@ -297,7 +297,7 @@ class Response:
     def regime(self) -> Regime:
         """Kind of motion over the last third of the run; `regimes.classify` says by which criterion."""
         if not has_cycle(self.base):
-            return without_cycle(self.impacts)
+            return without_cycle(self.impacts, self.base)
         return classify(self.impacts, self.sticking, self.base.frequency, *self.window)
 
     def absolute(self, name: Position) -> Array:

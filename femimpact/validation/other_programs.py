@@ -19,7 +19,7 @@ import numpy as np
 from femimpact.contact.law import collide
 from femimpact.contact.laws import HuntCrossley, KelvinVoigt, Rigid
 from femimpact.errors import InputWarning
-from femimpact.excitation.drives import PointForce
+from femimpact.excitation.drives import PointForce, Rest
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.records import RecordedBase
 from femimpact.fem.assembly import assemble
@@ -71,8 +71,7 @@ def _spring_at(gap: float, stiffness: float, place: str = "tip", fixed_to: str =
 
 def _impacts(system: System, duration: float, displacement: float = 0.0, velocity: float = 0.0) -> Impacts:
     """The impacts of one mass from a state, its base at rest."""
-    at_rest, start = RecordedBase([0.0, 0.0], duration), State([displacement], [velocity])
-    return integrate(system, at_rest, EventDriven(), duration, Recorder(()), start).impacts
+    return integrate(system, Rest(), EventDriven(), duration, Recorder(()), State([displacement], [velocity])).impacts
 
 
 def _settled_branch(system: System, force: Sine, parameter: str, to: tuple[float, float]) -> Branch:
@@ -276,8 +275,7 @@ def bouncing_bar() -> Iterator[Row]:
         *((20, 1.0, (), 0.6), (100, 1.0, (), 0.18), (300, 1.0, (), 0.08), (20, 0.0, (), 0.7), (100, 0.0, (), 0.29)),
     ):
         system = reduce(_bar(elements, 10 / elements, lumped, 900.0, 1.0, 5.0, 10.0), elements + 1)
-        at_rest, kept = RecordedBase([0.0, 0.0], 6.0), Recorder(("bottom",), interval=1 / 3)
-        run = integrate(system, at_rest, EventDriven(), 16 / 3, kept)
+        run = integrate(system, Rest(), EventDriven(), 16 / 3, Recorder(("bottom",), interval=1 / 3))
         begin, end = run.sticking.start, run.sticking.end
         mesh = f"{elements} elements, {100 * lumped:g} % lumped"
         if bounds:
@@ -292,8 +290,8 @@ def siconos_bar() -> Iterator[Row]:
     """A bar of 99 elements that meets a floor at 0.1 m/s: its impulse, and for how long it touches."""
     area = 0.000314
     system = _bar(99, 0.01, 0.0, 210e9 * area, 7800 * area, 5e-5, 0.0)
-    at_rest, stepping = RecordedBase([0.0, 0.0], 1e-3), MoreauJean(2e-6, allow_coarse_step=True)
-    impacts = integrate(system, at_rest, stepping, 1e-3, Recorder(()), State(np.zeros(100), np.full(100, -0.1))).impacts
+    stepping, falling = MoreauJean(2e-6, allow_coarse_step=True), State(np.zeros(100), np.full(100, -0.1))
+    impacts = integrate(system, Rest(), stepping, 1e-3, Recorder(()), falling).impacts
     impulse, duration, same = impacts.impulse.sum(), impacts.duration.sum(), "the same rule, mesh and step: rounding"
     yield "impulse, Moreau-Jean, 2 us", "N s", 0.481427422067891, float(impulse), 1e-12, same
     yield "duration, Moreau-Jean, 2 us", "s", 3.82e-4, float(duration), 1e-12, same

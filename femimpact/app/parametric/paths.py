@@ -260,6 +260,11 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     if path == "base.acceleration" and "base.amplitude" in known:
         words = "is for a sweep alone: a study varies base.amplitude, the acceleration over (2 pi base.frequency)^2"
         return Fault(path, None, "", words)
+    if path.startswith("base.") and {one for one in known if one.startswith("base.")} == {
+        "base.history",
+        "base.initial",
+    }:
+        return Fault(path, None, "", "needs a motion of the base, and [base] of this study is of kind 'rest'")
     return Fault(path, None, "", suggestion(path, known))
 
 

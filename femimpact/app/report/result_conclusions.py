@@ -23,8 +23,10 @@ from femimpact.app.study.findings import (
     Spread,
     history_words,
 )
+from femimpact.excitation.drives import Rest
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.orbits.figures import MARKS, kind_words
+from femimpact.response.regimes import FREE_DECAY
 from femimpact.units import (
     SHOWN_IN,
     counted,
@@ -322,10 +324,12 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
     at = (
         f"of the history at {typeset_number(history.frequency)} Hz"
         if history.frequency is not None
+        else f"of the history: {Rest.words}"
+        if label == FREE_DECAY
         else "of the history"
     )
     # without a cycle nothing could repeat
-    if cyclic or label == "no impacts":
+    if cyclic or label in ("no impacts", FREE_DECAY):
         rate = (
             f"{_four_digits(history.impacts_per_cycle)} impacts in a cycle" if _known(history.impacts_per_cycle) else ""
         )

@@ -58,6 +58,7 @@ from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
 from femimpact.orbits.figures import kind_words
+from femimpact.response.regimes import FREE_DECAY
 from femimpact.scene.placed import placed_structure
 from femimpact.signals.transfer import transfer_function
 from femimpact.system.modes import mode_columns, solve_modes
@@ -447,6 +448,8 @@ def _motion(results: ResultReading) -> Beside:
     if history is None:
         return []
     words = "The excitation has no cycle: no kind of periodic motion is looked for."
+    if history.regime.label == FREE_DECAY:
+        words = "Nothing drives it: a free decay."
     if history.frequency is not None:
         words = f"Kind of motion over the last third: {history.regime.label}. Criterion: {history.regime.criterion}."
     channels = channel_table(results.findings)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, faults_under, require
-from femimpact.excitation.drives import named_parts
+from femimpact.excitation.drives import Rest, named_parts
 from femimpact.excitation.excitation import Excitation, has_cycle
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
@@ -197,7 +197,7 @@ def history_record(study: Study, small: System, method: Method) -> tuple[Recorde
         every=every,
         snapshots=max(round((end - begin) / (output.frames * grid)), 1) if output.frames else 0,
         snapshots_start=begin,
-        state_at=last_cycles_start(study),
+        state_at=last_cycles_start(study, small),
         memory_limit=output.memory_limit,
     )
     return record, grid
@@ -220,9 +220,10 @@ def _is_clamped(system: System) -> bool:
     return {"root.force", "root.moment"} <= set(system.reactions)
 
 
-def last_cycles_start(study: Study) -> float:
-    """Time (s) at which the last cycles begin that figures show."""
-    return max(study.history_duration - FIGURE_CYCLES / study.shown_frequency, 0.0)
+def last_cycles_start(study: Study, small: System) -> float:
+    """Time (s) at which the last cycles begin that figures show; of a free decay they are those of the first mode."""
+    first = first_elastic_frequency(small) if isinstance(study.excitation, Rest) else 0.0
+    return max(study.history_duration - FIGURE_CYCLES / (first or study.shown_frequency), 0.0)
 
 
 def _coarse_history(prepared: PreparedStudy) -> tuple[str, ...]:

@@ -135,7 +135,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
     that it kept there. A method that keeps none makes the run once more.
     """
     study, method, record = prepared.study, prepared.method, prepared.record
-    start, duration = last_cycles_start(study), study.history_duration
+    start, duration = last_cycles_start(study, prepared.small), study.history_duration
     grid = method.time_grid(prepared.small, study.excitation, duration, record)
     steps = round(duration / grid)
     finely, interval = _read_within_contacts(prepared, grid)
