@@ -86,6 +86,15 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),
         Mutation("slow_pressed_flow", "WELL_APART = 1e3", "WELL_APART = 1e12"),
     ),
+    "test_rest.py": (
+        Mutation(
+            "momentum_of_a_free_beam",
+            "sparse.csr_array(momentum @ momentum.T)",
+            "0.999 * sparse.csr_array(momentum @ momentum.T)",
+        ),
+        Mutation("shape_of_a_pulled_beam", "(displacement - own @ system.point_row(at))", "displacement"),
+        Mutation("place_of_a_blow", "spsolve(system.M.tocsc(), row)", "row"),
+    ),
     "test_taper.py": (
         Mutation("weights_of_a_taper", "first = m1 / m0", "first = 0.5 * m1 / m0"),
         Mutation("taper_of_mass", "self.mass_per_length[element] * (a * b)", "self.mass_per_length[element] * a"),

@@ -268,7 +268,7 @@ def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_of
         assert run.energy.residual < 1e-10
 
 
-def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, drawn_off_screen):
+def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, capsys, drawn_off_screen):
     monkeypatch.chdir(tmp_path)
     time = 0.01 * np.arange(2000)
     tip = 20.0 * np.exp(-0.0029 * 2 * np.pi * 5.3 * time) * np.cos(2 * np.pi * 5.3 * time)
@@ -280,6 +280,16 @@ def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, drawn_o
     assert mode.frequency == pytest.approx(5.3, rel=3e-5)
     assert mode.damping_ratio == pytest.approx(0.0029, rel=0.0125)
     assert set(names["found"].to_pandas()) >= {"amplitude", "damping_ratio", "low", "high"}
+    page = (ROOT / "docs/howto/ring_down.md").read_text(encoding="utf-8")
+    said = [row for block in re.findall(r"```text\n(.*?)```", page, re.DOTALL) for row in block.splitlines()]
+    printed = capsys.readouterr().out.splitlines()[-len(said) :]
+    for row, other in zip(printed, said, strict=True):
+        # the last digit, and the word between the numbers
+        assert re.sub(r"[\d.]+", "", row) == re.sub(r"[\d.]+", "", other)
+        numbers = [[float(one) for one in re.findall(r"\d+\.\d+", text)] for text in (row, other)]
+        assert numbers[0] == pytest.approx(numbers[1], rel=1e-4, abs=2e-3 if "mJ" in row else 1e-9)
+    start, lost, left = (float(one) for one in re.findall(r"\d+\.\d+", printed[0]))
+    assert start == pytest.approx(lost + left, abs=2e-3)
 
 
 # not marked: the page has the range of its numbers over ten seeds, and the calibration of the examples is marked
