@@ -252,7 +252,7 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
     found = preflight(
         small, study.excitation, duration=study.history_duration, frequencies=grid,
         cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
-        acceleration=plan.acceleration if plan else None,
+        acceleration=study.sweep_level["acceleration"] if plan else None,
     )  # fmt: skip
     axes = () if study.plan is None else axis_rows(definition_of(study))
     return Preflight((*(replace(row, instead=in_study_words(row.instead)) for row in found.rows), *axes))

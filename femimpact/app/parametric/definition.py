@@ -243,13 +243,16 @@ class ParameterStudy:
 
     @property
     def base(self) -> dict[str, Any]:
-        """Frequency, amplitude, phase and start of the base where no axis gives them; None is not known."""
+        """Frequency, level, phase and start of the base where no axis gives them; None is not known."""
         if not self.has_cycle:
             return {}
         given: Any = self.study
         sine, start = (given.sine, given.start) if isinstance(given, Study) else (self.excitation, "base")
-        numbers = {"frequency": None, "amplitude": None, "phase": 0.0}
-        return {name: getattr(sine, name, default) for name, default in numbers.items()} | {"start": start}
+        levels = [path for path in ("base.amplitude", "base.acceleration") if path in self._axes]
+        by = levels[0].removeprefix("base.") if levels else getattr(sine, "by", "amplitude")
+        level = getattr(sine, "level", None) if getattr(sine, "by", by) == by else None
+        numbers = {"frequency": getattr(sine, "frequency", None), by: level, "phase": getattr(sine, "phase", 0.0)}
+        return numbers | {"start": start}
 
     @property
     def observed(self) -> Position:
@@ -284,6 +287,8 @@ class ParameterStudy:
                 faults += self._faults_of(place, levels)
         if faults:
             raise InputError(faults)
+        both = {"base.amplitude", "base.acceleration"} <= set(axes)
+        require(not both, "base.acceleration", None, "", "must be given alone: base.amplitude is an axis too")
         for name, value in self.base.items():
             allowed = "must be given: by an axis, or by excitation = Sine(...)"
             require(value is not None or f"base.{name}" in axes, f"base.{name}", None, "", allowed)

@@ -229,9 +229,12 @@ def _runs(
 ) -> SineCases:  # fmt: skip
     """The runs of some cases with one system, start by start of each case."""
     base, starts, balls = study.base, study.starts, len(equations.system.balls)
+    by = "acceleration" if "acceleration" in base else "amplitude"
     frequency, amplitude, phase = (
-        _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", "amplitude", "phase")
+        _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", by, "phase")
     )
+    if by == "acceleration":
+        amplitude = amplitude / (2.0 * np.pi * frequency) ** 2
     frame = base["start"] if equations.frame is None else equations.frame
     gaps = _gaps(study, equations.system, cases)
     if starts > 1:

@@ -155,7 +155,7 @@ class SweepPlan:
         of them. With 1 there are none.
     acceleration : float or array_like (k, 2) or None, m/s^2
         Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
-        logarithms. Absent: the base has the amplitude of [base] at all frequencies.
+        logarithms. Absent: the base has the amplitude or the acceleration of [base] at all frequencies.
 
     Raises
     ------
@@ -402,7 +402,8 @@ class Study:
     def sweep_level(self) -> dict[str, Any]:
         """Amplitude (m) or acceleration (m/s^2) of the base in the sweep, and None for the other."""
         given = self.sweep.acceleration if self.sweep else None
-        return {"amplitude": self.sine.amplitude if given is None else None, "acceleration": given}
+        by, level = (self.sine.by, self.sine.level) if given is None else ("acceleration", given)
+        return {"amplitude": None, "acceleration": None, by: level}
 
     @property
     def initial(self) -> State:
