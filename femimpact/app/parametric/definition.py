@@ -274,6 +274,9 @@ class ParameterStudy:
             unknown_path(path, self.known, isinstance(self.study, System)) for path in axes if path not in self.known
         ]
         for place in (self.known[path] for path in axes if path in self.known):
+            of_start = place.owner == "start" or (place.owner, place.unit) == ("base", "")
+            if of_start and bool(getattr(self.study, "begins", ())):
+                faults.append(Fault(place.path, None, "", "must not be an axis beside [[start]]"))
             if place.owner == "start" and self.starts > 1:
                 allowed = f"must not be an axis with starts = {self.starts}: either gives the balls their places"
                 faults.append(Fault(place.path, None, "", allowed))

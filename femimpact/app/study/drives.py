@@ -392,7 +392,7 @@ def base_with(base: Any, key: str, value: Any) -> Any:
     Raises `InputError` if the value is out of range, or does not fit the others.
     """
     table = table_of(base, BASES)
-    table.pop(ALTERNATIVES.get(key), None)
+    table.pop(ALTERNATIVES.get(key, ""), None)
     if key.startswith("parts."):
         _, number, name = key.split(".")
         table["parts"][int(number) - 1][name] = value

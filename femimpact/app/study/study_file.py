@@ -37,6 +37,7 @@ from femimpact.app.study.schema import (
     noun_schema,
     plan_schema,
 )
+from femimpact.app.study.start import PartStart
 from femimpact.app.study.study import AsRead, Gravity, MeshChoice, OrbitsPlan, Output, Reduction, Study, SweepPlan
 from femimpact.contact.law import ContactLaw
 from femimpact.contact.laws import LAWS
@@ -584,6 +585,7 @@ TABLES: Mapping[str, _Table] = {
     "force": _Table(
         "forces", _force, force_schema, lambda header, force: _table_lines(header, force_table(force)), many=True
     ),
+    "start": _of(PartStart, "begins", many=True),
     "method": _Table("method", _method, method_schema, _table_lines),
     "sweep": _of(SweepPlan, "sweep"),
     "orbits": _of(OrbitsPlan, "orbits"),

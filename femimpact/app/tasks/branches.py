@@ -165,10 +165,10 @@ def first_orbit(ready: PreparedOrbits, report: Report) -> PeriodicOrbit:
     Raises `InputError` if the motion at the end of the run is none that a search takes, and `DivergenceError` if no
     orbit is found from there.
     """
-    small, plan, study = ready.prepared.small, ready.plan, ready.prepared.study
+    small, plan = ready.prepared.small, ready.plan
     with _study_words():
         run = integrate(
-            small, ready.sine, ready.prepared.method, plan.guess_duration, ready.record, study.initial,
+            small, ready.sine, ready.prepared.method, plan.guess_duration, ready.record, ready.prepared.initial,
             lambda share: report("run that settles", share),
         )  # fmt: skip
         try:
