@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import REFERENCE, oscillator, reduced
 from command import femimpact
+from test_readme import ROOT
 
 import femimpact as fi
 
@@ -69,3 +73,13 @@ def test_a_folder_without_its_option_is_answered_by_the_option(tmp_path):
     done = femimpact("demo", "folder", cwd=tmp_path, check=False)
     assert done.returncode == 2
     assert "results go to a folder by --output FOLDER" in done.stderr
+
+
+def test_the_first_gap_to_try_is_read_as_the_page_on_studies_says():
+    page = (ROOT / "docs" / "howto" / "parameter_studies.md").read_text(encoding="utf-8")
+    call, said = re.search(r"`(next\(row\.value .*?\))` is its number, ([\d.]+) mm", page).groups()
+    ball = replace(REFERENCE.impactors[0], mass=5e-3)
+    beam = fi.Beam.uniform(length=0.23, width=0.020, thickness=1e-3, young_modulus=70e9, density=2700)
+    box = fi.PointMass("box", "tip", 0.023)
+    system = reduced(replace(REFERENCE, beam=beam, masses=(box,), impactors=(ball,)), 4)
+    assert eval(call, {"fi": fi, "system": system}) == pytest.approx(1e-3 * float(said), abs=6e-6)

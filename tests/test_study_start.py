@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,6 +88,14 @@ def test_cases_of_a_study_begin_so_each_with_the_shape_of_its_own_structure():
     assert float(fi.parameter_study(chirp, gap, ["peak"]).peak[0]) == abs(run.largest("tip").value)
     for one in (study, chirp):
         assert list(fi.parameter_study(one, {"impactor.ball.gap": [1e-3]}, ["peak"], starts=4).failed_starts) == [0]
+
+
+def test_the_start_on_the_page_is_that_of_its_run():
+    page = Path(__file__).parent.parent / "docs" / "howto" / "histories.md"
+    (tables,) = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    run = run_simulation(prepare(given(tables)))
+    first = [run[name][0] for name in ("tip", "ball", "ball.velocity")]
+    np.testing.assert_allclose(first, [5e-3, 8e-3, -0.1], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
