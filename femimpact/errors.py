@@ -660,7 +660,8 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
                 bound = signature.bind(*args, **named)
             except TypeError as error:
                 names = ", ".join(name for name in signature.parameters if name not in ("self", "cls"))
-                raise TypeError(f"{function.__qualname__}() {error}; its arguments are {names}") from None
+                about = (function.__doc__ or "").strip().partition("\n")[0]
+                raise TypeError(f"{function.__qualname__}() {error}; its arguments are {names}: {about}") from None
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
             if faults:

@@ -22,7 +22,7 @@ def test_an_argument_that_a_function_does_not_have_is_answered_by_those_that_it_
     )
     with pytest.raises(TypeError, match=words):
         fi.shock_response_spectrum(SHOCK, [10.0], damping=0.05)
-    words = r"State.under_force\(\) missing a required argument: 'force'; its arguments are system, force, at$"
+    words = r"State.under_force\(\) missing a required argument: 'force'; its arguments are system, force, at: The "
     with pytest.raises(TypeError, match=words):
         fi.State.under_force(reduced(REFERENCE, 2))
 
@@ -83,3 +83,15 @@ def test_the_first_gap_to_try_is_read_as_the_page_on_studies_says():
     box = fi.PointMass("box", "tip", 0.023)
     system = reduced(replace(REFERENCE, beam=beam, masses=(box,), impactors=(ball,)), 4)
     assert eval(call, {"fi": fi, "system": system}) == pytest.approx(1e-3 * float(said), abs=6e-6)
+
+
+def test_a_round_rod_a_picture_and_a_structure_are_answered_by_their_calls():
+    size = {"length": 0.5, "young_modulus": 210e9, "density": 7850}
+    with pytest.raises(TypeError, match=r"Beam\.uniform\(\) .*, where `round`, `tube` and `section` make others"):
+        fi.Beam.uniform(diameter=8e-3, **size)
+    with pytest.raises(AttributeError, match=r"it is fi\.frequency_sweep; pictures are .*figures\.response_curve"):
+        _ = fi.figures.frequency_response
+    with pytest.raises(
+        fi.InputError, match=r"study = 'Structure': .*fi\.reduce\(fi\.assemble\(structure, elements=40\)"
+    ):
+        fi.parameter_study(REFERENCE, {"impactor.ball.gap": [1e-3]}, ["peak"])

@@ -95,7 +95,8 @@ class ParameterStudy:
     def __post_init__(self) -> None:
         check_fields(self)
         known = isinstance(self.study, (Study, System)) or (callable(self.study) and not isinstance(self.study, type))
-        require(known, "study", kind_of(self.study), "", "must be a Study, a System or a function of values")
+        of = " (of a Structure fi.reduce(fi.assemble(structure, elements=40), modes=6))"
+        require(known, "study", kind_of(self.study), "", f"must be a Study, a System{of} or a function of values")
         if self.method is not None:
             require_method(self.method)
         allowed = (
