@@ -118,6 +118,6 @@ def test_a_study_says_that_the_level_of_the_sweep_is_not_its_own(tmp_path: Path)
     ):
         text = study_text(study(tmp_path, '"0.03 g"')).partition("\n[study")[0]
         one = read_study(f"{text}{cases}{line}\n", tmp_path / "study.toml")
-        words = "the acceleration of [sweep] is not that of the cases: base.amplitude is 0.0002037 m"
+        words = "the acceleration of [sweep] is not that of the cases, which have the level of [base]"
         assert (f"study: {words}" in plan_of_cases(one).lines) == said
         assert (words in labels_of(definition_of(one))["attributes"]["warnings"]) == said

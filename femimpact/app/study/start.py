@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from femimpact.arrays import Array
 from femimpact.errors import check_fields, faults_of, name_text, optional, place, quantity, require, suggestion
 from femimpact.excitation.harmonic import Sine
 from femimpact.structure.structure import Position
-from femimpact.system.matrices import rigid_motions
-from femimpact.system.modes import solve_stiffness
 from femimpact.system.state import STILL, State
 from femimpact.system.system import System
 
@@ -58,16 +55,20 @@ def state_of(parts: Sequence[PartStart], system: System) -> State:
 
     Raises `InputError` if a place or a ball is unknown, or no force moves a place.
     """
-    still = np.zeros(system.dofs)
-    rest = State().static_contacts(system, Sine(0.0, 1.0))
+    rest, still = State().static_contacts(system, Sine(0.0, 1.0)), np.zeros(system.dofs)
     drop = sum(part.speed for part in parts if part.at is None and part.ball is None)
     pulled, u, bending = False, still if rest is None else rest.displacement, still
     for part in parts:
         if part.at is not None:
-            row, shape = _shape(system, part.at)
+            with faults_of("start.at"):
+                row = system.point_row(part.at)
+                sag, bent = (State.under_force(system, force, part.at).displacement for force in (0.0, 1.0))
+            shape = bent - sag
+            moves = float(row @ shape) > STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
+            require(moves, "start.at", part.at, "", "must be a place that a force moves")
+            shape = shape / float(row @ shape)
             bending = part.speed * shape
             if part.displacement is not None:
-                sag = solve_stiffness(system, np.reshape(system.constant_load, (-1, 1)))[:, 0]
                 pulled, u = True, sag + (part.displacement - float(row @ sag)) * shape
     balls = {pair.name: np.array([pair.direction @ u, drop + pair.direction @ bending]) for pair in system.balls}
     for part in parts:
@@ -76,14 +77,3 @@ def state_of(parts: Sequence[PartStart], system: System) -> State:
             balls[part.ball] = balls[part.ball] + [part.displacement or 0.0, part.speed]
     y, y_rate = np.reshape([*balls.values()], (-1, 2)).T
     return State(u if pulled else None, drop * system.rigid_translation + bending, y, y_rate)
-
-
-def _shape(system: System, at: Position) -> tuple[Array, Array]:
-    """The row of a place, and the static shape of a force there, both (dofs,), with a displacement of 1 m there."""
-    require(rigid_motions(system).shape[1] == 0, "start.at", at, "", "must be a place of a structure that is held")
-    with faults_of("start.at"):
-        row = system.point_row(at)
-    shape = solve_stiffness(system, row[:, None])[:, 0]
-    moves = float(row @ shape) > STILL * float(np.linalg.norm(row) * np.linalg.norm(shape))
-    require(moves, "start.at", at, "", "must be a place that a force moves")
-    return row, shape / float(row @ shape)
