@@ -680,11 +680,10 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
         def call(*args: P.args, **named: P.kwargs) -> R:
             try:
                 bound = signature.bind(*args, **named)
-            except TypeError:
-                bound = None
-            if bound is None:
-                # the error that Python raises names the function
-                return function(*args, **named)
+            except TypeError as error:
+                names = ", ".join(name for name in signature.parameters if name not in ("self", "cls"))
+                about = (function.__doc__ or "").strip().partition("\n")[0]
+                raise TypeError(f"{function.__qualname__}() {error}; its arguments are {names}: {about}") from None
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
             if faults:

@@ -26,6 +26,7 @@ from femimpact.excitation.excitation import (
     times,
     words_of,
 )
+from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Form, Sum, added, force_form_of, forms_together, one_sine, parts_of
 from femimpact.units import typeset_number, unit_text
@@ -115,6 +116,9 @@ class PointForce(BaseAtRest):
         for part in parts_of(self.history):
             allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
             require(force_form_of(part) is not None, "history", kind_of(part), "", allowed)
+            by_force = not isinstance(part, Sine) or part.by == "amplitude"
+            allowed = "must have an amplitude, in newtons: the acceleration of a sine is one of the base"
+            require(by_force, "history", kind_of(part), "", allowed)
 
     @property
     def frequency(self) -> float:

@@ -139,7 +139,8 @@ def _of_excitation(system: System, excitation: Any, hybrid: HybridSystem) -> Ite
         return system, replace(excitation, history=replace(sine, **number))
 
     def at_frequency(value: Any) -> HybridSystem:
-        return replace(hybrid, omega=2.0 * math.pi * value)
+        level = hybrid.amplitude * (sine.frequency / value) ** 2 if sine.by == "acceleration" else hybrid.amplitude
+        return replace(hybrid, omega=2.0 * math.pi * value, amplitude=level)
 
     def at_amplitude(value: Any) -> HybridSystem:
         return replace(hybrid, amplitude=value)

@@ -206,6 +206,8 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             for end in [design.worst_bounds.get(axis)]
         ]
         yield f"{WORST_AT} {', '.join(places)}"
+    if best.measure == "peak_ratio" and "base.frequency" in best.worst_over:
+        yield "peak_ratio compares cases of one frequency, and is near 1 off resonance: peak is the largest motion"
     for name, value in design.limited.items():
         limit = best.limits[name]
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""

@@ -561,7 +561,7 @@ def about_section(findings: Findings, study: Study | None) -> Section:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
     rows.append(("seeds", "; ".join(findings.seeds) or "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", START_WORDS[study.start]))
+        rows.append(("start", START_WORDS[study.start] + ", but for [[start]]" * bool(study.begins)))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]
     return Section("versions", "Versions and seeds", (element("dl.about", *pairs),))
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 from femimpact.units import number_text
 
@@ -109,6 +111,11 @@ class PreparedStudy:
     def carried(self) -> str:
         """What the structure carries, in words."""
         return carried_words(self.small)
+
+    @cached_property
+    def initial(self) -> State:
+        """State of the system that is integrated at the start."""
+        return self.study.initial_on(self.small)
 
 
 def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
@@ -260,7 +267,7 @@ def _of_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]
     """Warnings of the drive of the history, and of the highest frequency of the sweep."""
     study, small = prepared.study, prepared.small
     if "simulate" in parts:
-        yield from drive_warnings(small, study.excitation, study.history_duration, study.initial)
+        yield from drive_warnings(small, study.excitation, study.history_duration, prepared.initial)
     else:
         yield from motion_warnings(study.excitation, small.length)
     if "sweep" in parts and study.sweep is not None:
@@ -279,6 +286,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
     """Refuse a history or a sweep that the methods do not resolve, or that would keep too much."""
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
     if "simulate" in parts:
+        prepared.initial.relative_to_base(small, study.excitation)
         frequency, base = study.excitation.frequency, {"sine": "base.frequency", "record": "base.record"}
         key = "force" if study.forces else base.get(study.kind, "base.kind")
         method.check_drive(np.array([frequency]), key)

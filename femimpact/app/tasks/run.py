@@ -91,14 +91,14 @@ def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Respons
     early = record.snapshots > 0 and end < study.history_duration
     response = integrate(
         prepared.small, study.excitation, prepared.method, study.history_duration,
-        replace(record, snapshots=0, snapshots_start=0.0) if early else record, study.initial,
+        replace(record, snapshots=0, snapshots_start=0.0) if early else record, prepared.initial,
         lambda share: report("history", share),
     )  # fmt: skip
     if not early:
         return response
     # a run has snapshots up to its end: those of a part are kept by one that ends with it
     record = replace(record, channels=(), ledger=False, state_at=None, start=0.0)
-    film = integrate(prepared.small, study.excitation, prepared.method, end, record, study.initial)
+    film = integrate(prepared.small, study.excitation, prepared.method, end, record, prepared.initial)
     return replace(response, snapshots=film.snapshots)
 
 
@@ -120,7 +120,7 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
-    start, said = _without_balls(study.initial), partial(report, f"history without {prepared.carried}")
+    start, said = _without_balls(prepared.initial), partial(report, f"history without {prepared.carried}")
     return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
 
 
@@ -143,7 +143,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
         first = first_steps(replace(record, start=start), steps, grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
-    initial = response.kept_state or study.initial
+    initial = response.kept_state or prepared.initial
     # an integer number of steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
     record = replace(record, every=1, start=start, snapshots=0, ledger=False, interval=interval)
