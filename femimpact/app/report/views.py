@@ -27,7 +27,7 @@ from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.shock import Shock
 from femimpact.figures.drawing import figure_of, panels
-from femimpact.figures.histories import MOST_LINES, drawn_channels
+from femimpact.figures.histories import MOST_LINES, drawn_channels, one_channel
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.orbits.branch import Branch
@@ -337,6 +337,16 @@ def _element_of(one: Picture, prefix: str, miss: Callable[[str], object] | None)
         if miss is not None and not isinstance(error, InputError):
             miss(f"{one.name}: {reason_of(error)}")
         return element("p", f"{one.title}: not drawn, for {reason_of(error)}")
+
+
+def one_panel(run: Run) -> Mapping[str, Element]:
+    """The first displacement over the whole run, as the only picture of a history; {} without one."""
+    # the tip is the first that a run keeps; of a structure without one its first place
+    place = next((name for name, unit in run.whole.units.items() if unit == "m"), "")
+    if place not in run.whole.channels:
+        return NOT_DRAWN
+    axes = one_channel(run.whole, place, OFF_SCREEN)
+    return {"history": picture_element(axes, "history", f"Displacement of {place} over time")}
 
 
 def save_pictures(records: Iterable[Any], folder: Path) -> tuple[dict[str, Element], list[str]]:
