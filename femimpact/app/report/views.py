@@ -25,6 +25,7 @@ from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, HammerBlow
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock
 from femimpact.figures.drawing import figure_of, panels
 from femimpact.figures.histories import MOST_LINES, drawn_channels, one_channel
@@ -36,7 +37,7 @@ from femimpact.response.response import Response
 from femimpact.signals.decay import DecayEstimate
 from femimpact.signals.densities import Spectrum, drive_history, remarks, spectrum
 from femimpact.signals.estimates import measured_transfer
-from femimpact.signals.shock_response import ShockResponseSpectrum, shock_response_spectrum
+from femimpact.signals.shock_response import FOLLOWED, ShockResponseSpectrum, shock_response_spectrum
 from femimpact.signals.transfer import TransferFunction
 from femimpact.units import counted
 
@@ -92,6 +93,10 @@ def spectra_of(
         return [], [words]
     if isinstance(run.base, Shock):
         f = np.geomspace(0.05 / run.base.duration, 50.0 / run.base.duration, 60)
+        return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
+    if isinstance(run.base, RecordedBase):
+        # from a period of the whole record to where straight lines between its samples are still the motion
+        f = np.geomspace(1.0 / (run.base.samples.size * run.base.interval), FOLLOWED / run.base.interval, 60)
         return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
     history, found, refused = drive_history(run), list[Spectrum | TransferFunction | ShockResponseSpectrum](), []
     for name in [name for name, unit in run.units.items() if unit != "N"][:MOST_LINES]:
@@ -215,7 +220,7 @@ VIEWS = (
     View(
         "motion", Run, "phase_portrait", file="history",
         figure=lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
-        when=lambda run: run.end is not None and bool(run.end.system.balls),
+        when=lambda run: run.end is not None and bool(run.end.system.contacts),
     ),
     View(
         "energy", Run, "energy", lambda run: figures.energies(run.whole, OFF_SCREEN),
