@@ -30,6 +30,7 @@ from femimpact.figures.drawing import (
     label_axes,
     last_cycles,
     legend_above,
+    panel,
     panels,
     plain_log_ticks,
     require_history,
@@ -298,6 +299,16 @@ def channels(
     axes[-1, 0].set_xlabel("time (s)")
     axes[-1, 1].set_xlabel(f"time (s), {'end of the run' if end is None else 'last cycles'}")
     return axes
+
+
+def one_channel(response: Response, name: str, ax: Axes | OffScreen | None = None) -> Axes:
+    """One channel over the whole run."""
+    axis, values = panel(ax, 8.0, 4.6), response[name]
+    factor, unit = prefixed(float(np.nanmax(np.abs(values), initial=0.0)), response.units[name])
+    _over_time(axis, {name: (response.time, values)}, factor)
+    words = QUANTITIES.get(response.units[name], "value")
+    label_axes(axis, "time (s)", f"{name}, {words} ({unit})")
+    return axis
 
 
 def drawn_channels(response: Response) -> list[str]:

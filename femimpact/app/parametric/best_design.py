@@ -190,6 +190,12 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"  without a value: {_first_of(named)}"
 
 
+def limit_words(name: str, value: float, limit: float, unit: str) -> str:
+    """A value beside its limit, and the share of the limit that it uses."""
+    used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
+    return f"{name} {unit_text(value, unit)}, {LIMIT} {unit_text(limit, unit)}{used}"
+
+
 LIMIT, WORST_AT = "limit", "worst at"
 """Words before the limit of a measure, and before the place where a design is worst."""
 
@@ -209,9 +215,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
     if best.measure == "peak_ratio" and "base.frequency" in best.worst_over:
         yield "peak_ratio compares cases of one frequency, and is near 1 off resonance: peak is the largest motion"
     for name, value in design.limited.items():
-        limit = best.limits[name]
-        used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
-        yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
+        yield limit_words(name, value, best.limits[name], best.units[name])
     if design.beyond[0]:
         yield "{} of {} designs do not keep the limits".format(*design.beyond)
     if math.isfinite(design.low):

@@ -14,6 +14,7 @@ from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import START_WORDS, Findings, history_words
+from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import case_columns, in_shown_units
@@ -153,6 +154,9 @@ def beside(record: Any, folder: bool = False) -> Iterator[tuple[str, Element]]:
         yield "response", element("p", dwell_words(next(iter(record.curves.values()))))
     elif isinstance(record, Run):
         yield from (("drive", element("p", words)) for words in drive_words(record.whole.base))
+        if Rigid.name in record.whole.impacts.law.values():
+            words = "A rigid impact is an impulse without a force: a contact force is drawn only where bodies stick."
+            yield "motion", element("p", words)
         impacts = impact_table(*impact_columns(record.whole.impacts), file("impacts"))
         yield from () if impacts is None else [("impacts", table_element(impacts))]
     elif isinstance(record, ConvergenceTable):

@@ -37,7 +37,7 @@ from femimpact.app.report.result_conclusions import (
     study_versions,
 )
 from femimpact.app.report.structure_drawing import structure_element, structure_words
-from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, sections_of, spectra_of
+from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, one_panel, sections_of, spectra_of
 from femimpact.app.results.picture_data import ResultReading, read_convergence, read_results
 from femimpact.app.results.result_directory import (
     FILES,
@@ -54,6 +54,7 @@ from femimpact.app.study.findings import START_WORDS, Findings, joined
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import require, require_path
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
@@ -135,6 +136,8 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     studied, about = _of_parameter_study(results)
     studied += results.attempt("what the best case is worth", lambda: list(_worth(results, best[0]))) or []
     records, refused = records_of(results, best[0])
+    if short and results.run is not None:
+        drawn = results.attempt("history", partial(one_panel, results.run)) or drawn
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     sections = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in sections if section.key == "best"]
@@ -329,15 +332,19 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
         return [f"{problem}." for problem in findings.problems]
     sentences = [f"History: {study.history_words}." if findings.history is not None else ""]
     base = ""
-    # of a study over the level or the frequency its first sentence has the drive
-    if study.kind == "sine" and not findings.problems and study.plan is None:
+    # a parameter study may vary the level: its first sentence has the drive
+    ran = findings.history is not None or bool(findings.sweep)
+    if study.kind == "sine" and (ran or study.plan is None):
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
+    elif ran:
+        sentences.append(f"Drive: {'. '.join(drive_words(study.excitation))}.")
     if findings.sweep and study.sweep is not None:
         plan = study.sweep
         sentences.append(
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
-            f"resonance; {plan.cycles} cycles at each frequency."
+            f"resonance; {plan.cycles} cycles at each frequency"
+            f"{_sweep_level(study)}."
         )
     if findings.orbits is not None and study.orbits is not None:
         low, high = (unit_text(value, findings.orbits.unit) for value in study.orbits.range)
@@ -348,6 +355,15 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
     steps = f", step {1e3 * findings.step:.4g} ms" if findings.step is not None else ""
     sentences.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
     return [text for text in sentences if text]
+
+
+def _sweep_level(study: Study) -> str:
+    """The level of a sweep that is given as an acceleration."""
+    level = study.sweep_level["acceleration"]
+    if level is None:
+        return ""
+    ends = [level] if isinstance(level, (int, float)) else [one for _, one in level]
+    return f"; the base accelerates by {' to '.join(unit_text(one, 'm/s^2') for one in dict.fromkeys(ends))}"
 
 
 # ---- records ---------------------------------------------------------------------------------------
