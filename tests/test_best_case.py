@@ -522,9 +522,10 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     assert chosen.plan is None
     assert f"femimpact run {tmp_path / 'best.toml'}" in " ".join(lines.split())
     assert "'femimpact run best.toml' in the folder of this page" in page
-    # the ball of the drawing has the gap of the study file
-    assert page.count("gaps 4 mm, in the study file; gap is an axis of the study") == 1
-    assert "kelvin-voigt, in the study file; gap is an axis of the study" in page
+    # the ball of the drawing has the gap of the best case
+    gap = f"gaps {1e3 * best.values[GAP]:g} mm"
+    assert page.count(f"{gap}, of the best case; gap is an axis of the study") == 1
+    assert "kelvin-voigt, of the best case; gap is an axis of the study" in page
     assert page.index('<h2 id="best-heading">') < page.index('<h2 id="structure-heading">')
     assert "worst rms over" in page
 

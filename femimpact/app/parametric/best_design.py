@@ -183,11 +183,16 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"{label_of(best)}{level}: none, {design.reason}"
     else:
         value = unit_text(design.value, best.units[best.measure])
-        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}"
+        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}{limited_words(design)}"
         yield from (f"  {line}" for line in design_notes(best, design))
     if design.without_value:
         named = [f"{told(best, values)}: {why}" for values, why in design.without_value]
         yield f"  without a value: {_first_of(named)}"
+
+
+def limited_words(design: BestDesign) -> str:
+    """How many designs do not keep the limits; empty where all do."""
+    return " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
 
 
 LIMIT, WORST_AT = "limit", "worst at"
@@ -210,8 +215,6 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         limit = best.limits[name]
         used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
         yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
-    if design.beyond[0]:
-        yield "{} of {} designs do not keep the limits".format(*design.beyond)
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 import numpy as np
 
 from femimpact.app.parametric.best import UNMET, best_cases
-from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
+from femimpact.app.parametric.best_design import (
+    MOST_NAMED,
+    BestCase,
+    design_notes,
+    label_of,
+    limited_words,
+    more_designs,
+    told,
+)
 from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import ResultReading
 from femimpact.app.results.result_directory import FILES
@@ -560,10 +568,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        limited = (
-            " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
-        )
-        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
+        at = f"{level}at {told(best, design.values, names)}{limited_words(design)}"
+        note = "; ".join(filter(None, (at, rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 
