@@ -212,9 +212,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         ]
         yield f"{WORST_AT} {', '.join(places)}"
     for name, value in design.limited.items():
-        limit = best.limits[name]
-        used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
-        yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
+        yield limit_words(name, value, best.limits[name], best.units[name])
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [
@@ -231,6 +229,12 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
     yield from (margin_words(best, margin, names) for margin in run)
     if alone := [names.get(one.axis, one.axis) for one in design.margins if one not in run]:
         yield f"how far {', '.join(alone)} may be off is not known: no other case differs in it alone"
+
+
+def limit_words(name: str, value: float, limit: float, unit: str) -> str:
+    """A limited measure beside its limit, and how much of that it uses."""
+    used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
+    return f"{name} {unit_text(value, unit)}, {LIMIT} {unit_text(limit, unit)}{used}"
 
 
 def motions_words(

@@ -41,6 +41,7 @@ from femimpact.units import (
     number_text,
     prefixed,
     quantity_text,
+    ranges_text,
     typeset_number,
     unit_text,
     unit_words,
@@ -182,12 +183,16 @@ def _orbits(findings: Findings) -> list[Conclusion]:
     orbits = findings.orbits
     if orbits is None or not orbits.branches:
         return []
-    stable = sum(1 for branch in orbits.branches if branch.stable_points)
+    ranges = {i: branch.stable for i, branch in enumerate(orbits.branches, 1) if branch.stable}
+    stable = [f"branch {i} {ranges_text(each, orbits.unit, 2)}" for i, each in ranges.items()]
+    where = f"stable: {'; '.join(stable[:MOST_NAMED])}" if stable else "no stable orbits"
+    if len(stable) > MOST_NAMED:
+        where += f"; and orbits of {len(stable) - MOST_NAMED} more branches"
     # two branches share the point at which they meet
     places = {(each.kind, f"{each.value:.9g}") for branch in orbits.branches for each in branch.bifurcations}
     kinds = Counter(kind for kind, _ in places)
     details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
-    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {stable} of them with stable orbits"
+    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {where}"
     return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
