@@ -183,7 +183,7 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"{label_of(best)}{level}: none, {design.reason}"
     else:
         value = unit_text(design.value, best.units[best.measure])
-        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}"
+        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}{limited_words(design)}"
         yield from (f"  {line}" for line in design_notes(best, design))
     if design.without_value:
         named = [f"{told(best, values)}: {why}" for values, why in design.without_value]
@@ -194,6 +194,11 @@ def limit_words(name: str, value: float, limit: float, unit: str) -> str:
     """A value beside its limit, and the share of the limit that it uses."""
     used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
     return f"{name} {unit_text(value, unit)}, {LIMIT} {unit_text(limit, unit)}{used}"
+
+
+def limited_words(design: BestDesign) -> str:
+    """How many designs do not keep the limits; empty where all do."""
+    return " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
 
 
 LIMIT, WORST_AT = "limit", "worst at"
@@ -216,8 +221,6 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
         yield "peak_ratio compares cases of one frequency, and is near 1 off resonance: peak is the largest motion"
     for name, value in design.limited.items():
         yield limit_words(name, value, best.limits[name], best.units[name])
-    if design.beyond[0]:
-        yield "{} of {} designs do not keep the limits".format(*design.beyond)
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

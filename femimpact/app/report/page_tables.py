@@ -18,10 +18,11 @@ from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import case_columns, in_shown_units
+from femimpact.orbits.figures import stable_ranges
 from femimpact.response.impacts import impact_columns
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse
-from femimpact.units import parameter_text, unit_text
+from femimpact.units import parameter_text, ranges_text, unit_text
 
 # ---- response curves -------------------------------------------------------------------------------
 
@@ -127,14 +128,14 @@ def branch_table(followed: FollowedBranches, file: str = "") -> Table:
     rows = tuple(
         (
             number, origin, cycle, parameter_text(branch.values.min(), branch.unit),
-            parameter_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
-            *branch.end,
+            parameter_text(branch.values.max(), branch.unit), len(branch),
+            ranges_text(stable_ranges(branch), branch.unit) or "nowhere", *branch.end,
         )
         for number, (branch, origin, cycle) in enumerate(
             zip(followed.branches, followed.origins, followed.cycles, strict=True), 1
         )
     )  # fmt: skip
-    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable points", "first end", "last end")
+    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable", "first end", "last end")
     return Table("The branches", header, rows, file)
 
 

@@ -16,6 +16,7 @@ from femimpact.app.parametric.best_design import (
     design_notes,
     label_of,
     limit_words,
+    limited_words,
     more_designs,
     told,
 )
@@ -42,6 +43,7 @@ from femimpact.units import (
     number_text,
     prefixed,
     quantity_text,
+    ranges_text,
     typeset_number,
     unit_text,
     unit_words,
@@ -193,12 +195,16 @@ def _orbits(findings: Findings) -> list[Conclusion]:
     orbits = findings.orbits
     if orbits is None or not orbits.branches:
         return []
-    stable = sum(1 for branch in orbits.branches if branch.stable_points)
+    ranges = {i: branch.stable for i, branch in enumerate(orbits.branches, 1) if branch.stable}
+    stable = [f"branch {i} {ranges_text(each, orbits.unit, 2)}" for i, each in ranges.items()]
+    where = f"stable: {'; '.join(stable[:MOST_NAMED])}" if stable else "no stable orbits"
+    if len(stable) > MOST_NAMED:
+        where += f"; and orbits of {len(stable) - MOST_NAMED} more branches"
     # two branches share the point at which they meet
     places = {(each.kind, f"{each.value:.9g}") for branch in orbits.branches for each in branch.bifurcations}
     kinds = Counter(kind for kind, _ in places)
     details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
-    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {stable} of them with stable orbits"
+    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {where}"
     return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
@@ -603,10 +609,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        limited = (
-            " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
-        )
-        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
+        at = f"{level}at {told(best, design.values, names)}{limited_words(design)}"
+        note = "; ".join(filter(None, (at, rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 

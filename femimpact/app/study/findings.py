@@ -196,7 +196,7 @@ class BranchSummary:
     origin: str
     cycles: int
     points: int
-    stable_points: int
+    stable: tuple[tuple[float, float], ...]  # ranges of the parameter with stable orbits, from low to high
     lowest: float  # of the parameter
     highest: float
     largest_peak: float

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, faults_under, require
-from femimpact.excitation.drives import named_parts
 from femimpact.excitation.excitation import Excitation, has_cycle
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
@@ -156,20 +155,17 @@ def with_base(prepared: PreparedStudy, base: Sine) -> PreparedStudy:
     return replace(prepared, study=study, record=record, grid=grid)
 
 
-def film_window(study: Study, small: System) -> tuple[float, float]:
-    """Begin and end (s) of the snapshots: the last cycles, without a cycle periods of the first mode as the drive ends.
+def film_window(study: Study, small: System, largest: float = math.inf) -> tuple[float, float]:
+    """Begin and end (s) of the snapshots: the last cycles, without a cycle those of the first mode around a time (s).
 
-    They begin a period before the end of a drive that ends early, and else end with the run.
+    They begin a period before that of the largest motion, and end with the run at the latest.
     """
-    end, frequency, drive_ends = study.history_duration, study.shown_frequency, study.history_duration
+    end, frequency = study.history_duration, study.shown_frequency
     if not has_cycle(study.excitation):
         frequency = first_elastic_frequency(small) or frequency
-        parts = [part for _, _, part in named_parts(study.excitation)]
-        ends = [getattr(p, "delay", getattr(p, "begin", 0.0)) + getattr(p, "duration", end) for p in parts]
-        drive_ends = max(ends, default=end)
     kept = min(study.output.frame_cycles / frequency, end)
-    begin = min(max(drive_ends - 1.0 / frequency, 0.0), end - kept)
-    return (begin, begin + kept) if drive_ends < end else (max(end - kept, 0.0), end)
+    begin = min(max(largest - 1.0 / frequency, 0.0), end - kept)
+    return begin, begin + kept
 
 
 def history_record(study: Study, small: System, method: Method) -> tuple[Recorder, float]:

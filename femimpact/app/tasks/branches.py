@@ -28,7 +28,7 @@ from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.branch import UNEXPLAINED, Branch, continue_orbit, known
-from femimpact.orbits.figures import kind_words
+from femimpact.orbits.figures import kind_words, stable_ranges
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, find_orbit, one_sine
@@ -369,7 +369,7 @@ def _summary(ready: PreparedOrbits, followed: FollowedBranches) -> OrbitsSummary
             origin=origin,
             cycles=cycles,
             points=len(branch),
-            stable_points=int(np.count_nonzero(branch.is_stable)),
+            stable=stable_ranges(branch),
             lowest=float(branch.values.min()),
             highest=float(branch.values.max()),
             largest_peak=float(np.nanmax(branch.peak)),
