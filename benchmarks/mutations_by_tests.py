@@ -33,6 +33,11 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("length_of_an_axis", "return sum(math.prod(int(word)", "return max(math.prod(int(word)"),
         Mutation("stub_of_some_rows", "ROWS.findall(source)", "ROWS.findall(source)[:1]"),
     ),
+    "test_restitution_over_speed.py": (
+        Mutation("speed_of_a_rebound", "restitution_of(hit, approach, c) : 0.0", "restitution_of(hit, 0.0, c) : 0.0"),
+        Mutation("slope_of_a_rebound", "(1.0 + restitution + more)[:, None]", "(1.0 + restitution)[:, None]"),
+        Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
+    ),
     "test_two_halves.py": (
         Mutation(
             "split_of_a_slower_run",

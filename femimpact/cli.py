@@ -204,7 +204,8 @@ def main() -> None:
         with warnings_left_to_caller():
             app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        _fail(str(error).strip() + "\nsee: femimpact --help", 2)
+        folder = "; results go to a folder by --output FOLDER" * str(error).startswith("Unused Tokens")
+        _fail(f"{str(error).strip()}{folder}\nsee: femimpact --help", 2)
     except (InputError, CoreError) as error:
         _fail(_with_notes(str(error), error), 2)
     except FemimpactError as error:

@@ -243,20 +243,9 @@ def level_rows(unit: str) -> dict[str, Any]:
     rows = "rows of a frequency in Hz, which rises, and a level, all > 0"
 
     def take(value: Any) -> Any:
-        if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2:
-            value = value.tolist()
-        if not isinstance(value, (tuple, list)):
+        if not isinstance(value, (tuple, list)) and getattr(value, "ndim", 0) != 2:
             return _number(value, {"at_least": 0.0}, False, True)
-        if len(value) < 2:
-            raise _Refused
-        levels: list[tuple[float, ...]] = []
-        for row in value:
-            if not isinstance(row, (tuple, list)) or len(row) != 2:
-                raise _Refused
-            levels.append(tuple(_number(part, {"above": 0.0}, False, True) for part in row))
-            if len(levels) > 1 and levels[-1][0] <= levels[-2][0]:
-                raise _Refused(f": {levels[-2][0]:g} Hz is followed by {levels[-1][0]:g} Hz")
-        return tuple(levels)
+        return _rising_rows(value, {"above": 0.0}, "Hz", fewest=2)
 
     row = {"type": "array", "items": _number_schema({"above": 0.0}, False, True), "minItems": 2, "maxItems": 2}
     table = {"type": "array", "items": row, "minItems": 2}
@@ -266,6 +255,39 @@ def level_rows(unit: str) -> dict[str, Any]:
         "take": take,
         "schema": {"anyOf": [_number_schema({"at_least": 0.0}, False, True), table], "x-rows": unit},
     }
+
+
+def factor_rows(unit: str) -> dict[str, Any]:
+    """Metadata of a dataclass field that holds rows of a number in a unit, rising, and a factor; or none."""
+    bounds = {"at_least": 0.0}
+    number = _number_schema(bounds, False, True)
+    row = {
+        "type": "array",
+        "prefixItems": [{**number, "x-unit": unit}, {**number, "x-unit": "1"}],
+        "minItems": 2,
+        "maxItems": 2,
+    }
+    return {
+        "unit": "",
+        "allowed": f"must be rows of a number in {unit}, which rises, and a factor, all >= 0",
+        "take": functools.partial(_rising_rows, bounds=bounds, unit=unit),
+        "schema": {"type": "array", "items": row},
+    }
+
+
+def _rising_rows(value: Any, bounds: Mapping[str, float], unit: str, fewest: int = 0) -> tuple[tuple[float, ...], ...]:
+    """Pairs of numbers of which the first ones rise."""
+    rows = value.tolist() if hasattr(value, "tolist") and getattr(value, "ndim", 0) == 2 else value
+    if not isinstance(rows, (tuple, list)) or len(rows) < fewest:
+        raise _Refused
+    taken: list[tuple[float, ...]] = []
+    for row in rows:
+        if not isinstance(row, (tuple, list)) or len(row) != 2:
+            raise _Refused
+        taken.append(tuple(_number(part, bounds, False, True) for part in row))
+        if len(taken) > 1 and taken[-1][0] <= taken[-2][0]:
+            raise _Refused(f": {taken[-2][0]:g} {unit} is followed by {taken[-1][0]:g} {unit}")
+    return tuple(taken)
 
 
 def choice(*names: str) -> dict[str, Any]:
@@ -658,11 +680,10 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
         def call(*args: P.args, **named: P.kwargs) -> R:
             try:
                 bound = signature.bind(*args, **named)
-            except TypeError:
-                bound = None
-            if bound is None:
-                # the error that Python raises names the function
-                return function(*args, **named)
+            except TypeError as error:
+                names = ", ".join(name for name in signature.parameters if name not in ("self", "cls"))
+                about = (function.__doc__ or "").strip().partition("\n")[0]
+                raise TypeError(f"{function.__qualname__}() {error}; its arguments are {names}: {about}") from None
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
             if faults:

@@ -84,7 +84,9 @@ def _way_on(package: str, name: str) -> str:
         paths |= {public: f"{part}.{public}" for public in inside if public not in top}
     paths |= {gone: path for path, names in GONE.items() for gone in names.split()}
     if name in paths:
-        return f": it is fi.{paths[name]}"
+        elsewhere = folder == "figures" and not paths[name].startswith("figures.")
+        pictures = (path for path in paths.values() if path.startswith("figures.") and path.islower())
+        return f": it is fi.{paths[name]}" + f"; pictures are {', '.join(dict.fromkeys(pictures))}" * elsewhere
     near = difflib.get_close_matches(name, paths, 1, CLOSE)
     return f"; did you mean fi.{paths[near[0]]}?" if near else ""
 

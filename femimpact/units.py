@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
@@ -412,6 +412,16 @@ PARAMETER_DIGITS = 8
 def parameter_text(value: float, unit: str) -> str:
     """A value of the parameter of branches with its unit."""
     return f"{value:.{PARAMETER_DIGITS}g} {unit_words(value, unit)}".rstrip()
+
+
+def ranges_text(ranges: Sequence[tuple[float, float]], unit: str, most: int | None = None) -> str:
+    """Ranges of the parameter of branches with its unit; of more than `most` the widest, and how many more."""
+    widest = sorted(sorted(ranges, key=lambda ends: ends[0] - ends[1])[:most])
+    told = [
+        f"{low:.{PARAMETER_DIGITS}g} to {parameter_text(high, unit)}" if high > low else parameter_text(low, unit)
+        for low, high in widest
+    ]
+    return ", ".join([*told, *([f"and {len(ranges) - len(told)} more"] if len(ranges) > len(told) else [])])
 
 
 def value_text(value: Any, unit: str) -> str:

@@ -220,7 +220,10 @@ def test_of_a_measure_of_which_large_values_are_better_the_largest_smallest_wins
     assert other.margins == one.margins
     limited = only(fi.best_case(large, "peak", limits={"peak": -3.5e-3}))
     assert limited.limited == {"peak": -3e-3}
-    with pytest.raises(fi.InputError, match=r"no design keeps the limits: peak is .3 mm at best"):
+    with pytest.raises(
+        fi.InputError,
+        match=r"keeps the limits: the nearest, .* has gap of ball 3 mm, with peak .3 mm, limit .2 mm",
+    ):
         fi.best_case(large, "peak", limits={"peak": -2e-3})
 
 
@@ -316,6 +319,14 @@ def test_a_restitution_that_is_no_part_of_the_worst_counts_as_a_choice_and_says_
         assert f"{RESTITUTION} counts as a choice: no other axis is left to choose on" in str(fi.best_case(one, "peak"))
 
 
+def test_the_nearest_design_passes_its_most_passed_limit_by_the_smallest_share():
+    # of the limits 10 and 2 these use 1.1 and 2, 1.5 and 1.4, 3 and 0.5: the second has the smallest of the largest
+    columns = {name: np.array(row)[:, None] for name, row in (("peak", [11.0, 15, 30]), ("rms", [4.0, 2.8, 1]))}
+    given = dataset({GAP: np.array([1e-3, 2e-3, 3e-3]), FREQUENCY: np.array([5.0])}, columns)
+    with pytest.raises(fi.InputError, match=r"gap of ball 2 mm, with peak .*, 150 % of it and rms .*, 140 % of it"):
+        fi.best_case(given, "peak", limits={"peak": 10.0, "rms": 2.0})
+
+
 def test_limits_hold_for_the_largest_start_of_the_worst_case():
     columns = {"peak": resonance(GAPS[:, None], FREQUENCIES[None, :])}
     columns["peak_force"] = np.repeat(np.array([[9.0], [9.0], [40.0], [10.0], [9.0], [9.0]]), 9, axis=1)
@@ -330,7 +341,7 @@ def test_limits_hold_for_the_largest_start_of_the_worst_case():
     assert only(fi.best_case(given, "peak", limits={"peak_force": 60.0})).limited == {"peak_force": 50.0}
     unlimited, tight = (only(fi.best_case(given, "peak", limits=one)) for one in ({}, {"peak_force": 20.0}))
     assert [unlimited.beyond, tight.beyond] == [(0, 6), (1, 6)]
-    with pytest.raises(fi.InputError, match="no design keeps the limits: peak_force is 19000 mm at least"):
+    with pytest.raises(fi.InputError, match=r"gap of ball .* mm, with peak_force 19000 mm, limit 18000 mm, 106 %"):
         fi.best_case(given, "peak", limits={"peak_force": 18.0})
 
 
@@ -522,9 +533,10 @@ def test_command_report_and_study_file_say_the_same_and_another_table_resumes_th
     assert chosen.plan is None
     assert f"femimpact run {tmp_path / 'best.toml'}" in " ".join(lines.split())
     assert "'femimpact run best.toml' in the folder of this page" in page
-    # the ball of the drawing has the gap of the study file
-    assert page.count("gaps 4 mm, in the study file; gap is an axis of the study") == 1
-    assert "kelvin-voigt, in the study file; gap is an axis of the study" in page
+    # the ball of the drawing has the gap of the best case
+    gap = f"gaps {1e3 * best.values[GAP]:g} mm"
+    assert page.count(f"{gap}, of the best case; gap is an axis of the study") == 1
+    assert "kelvin-voigt, of the best case; gap is an axis of the study" in page
     assert page.index('<h2 id="best-heading">') < page.index('<h2 id="structure-heading">')
     assert "worst rms over" in page
 
@@ -540,8 +552,8 @@ def test_of_a_study_without_a_best_case_nothing_is_left_of_an_earlier_one(tmp_pa
     assert not left & {path.name for path in tmp_path.rglob("*")}
     print_results(tmp_path)
     lines = " ".join(capsys.readouterr().out.split())
-    assert "no best case: no design keeps the limits: peak is" in lines
-    assert f"its limit {unit_text(1e-9, 'm')}" in lines
+    assert "no best case: no design keeps the limits: the nearest, whose" in lines
+    assert f", limit {unit_text(1e-9, 'm')}" in lines
     assert "Largest rms" in lines[: lines.index("no best case")]
     assert "femimpact run" not in lines
     assert "Smallest worst" not in lines

@@ -206,6 +206,15 @@ def test_the_peak_of_an_oscillator_is_reached(ratio, of_force):
     assert branch.peak.max() > 0.98 * 1e-3 / (2 * ratio)
 
 
+def test_a_branch_over_the_frequency_holds_the_acceleration_that_a_sine_is_given_by():
+    base = fi.Sine(acceleration=0.5, frequency=0.1, phase=0.4)
+    branch = fi.continue_orbit(fi.find_orbit(oscillator(1.0, 0.02), base, guess=fi.State()), "frequency", (0.05, 0.5))
+    omega = 2 * math.pi * branch.values
+    np.testing.assert_allclose(branch.peak, 0.5 / np.abs(1 - omega**2 + 0.02j * omega), rtol=1e-8)
+    (at,) = branch.at(0.2)
+    assert at.excitation == fi.Sine(acceleration=0.5, frequency=0.2, phase=0.4)
+
+
 def test_an_amplitude_grows_five_thousand_times():
     """A linear motion is in proportion to it."""
     orbit = fi.find_orbit(oscillator(1.0, 0.02), fi.Sine(1e-3, 0.1, 0.4), guess=fi.State())

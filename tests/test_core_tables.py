@@ -50,7 +50,7 @@ def test_stubs_of_the_sources_have_the_structs_and_rows_of_the_binary(name):
 
 
 def test_arrays_of_zeros_have_the_shapes_and_types_of_the_tables():
-    lengths = {"C": 2, "R": 3, "O": 4, "N": 5, "d": 6, "P": 7, "K": 8, "H": 9, "L": 0, "m": 0}
+    lengths = {"C": 2, "R": 3, "O": 4, "N": 5, "d": 6, "P": 7, "K": 8, "H": 9, "L": 0, "m": 0, "V": 0}
     hit = np.ones(2)
     cases = zeros(core.events.Cases, lengths, degree=1, longest=0.5, hit=hit)
     assert cases.hit is hit

@@ -83,9 +83,11 @@ def test_every_function_that_checks_its_arguments_shows_what_they_must_be():
 
 def test_help_of_a_noun_has_the_range_below_the_entry_of_its_field():
     shown = pydoc.render_doc(fi.Sine, renderer=pydoc.plaintext)
-    entries = re.findall(r"(\w+) : float, (?:m|Hz|rad)\n(?: \|  +[A-Z](?!ust).*\n)* \|  +(Must be .*)\n", shown)
+    entries = re.findall(
+        r"(\w+) : float, (?:m or m/s\^2|Hz|rad)\n(?: \|  +[A-Z](?!ust).*\n)* \|  +(Must be .*)\n", shown
+    )
     assert dict(entries) == {
-        "amplitude": "Must be a finite number >= 0 m.",
+        "level": "Must be a finite number >= 0 m or m/s^2.",
         "frequency": "Must be a finite number > 0 Hz.",
         "phase": "Must be a finite number, in rad.",
     }

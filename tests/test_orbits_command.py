@@ -305,6 +305,24 @@ def test_figure_report_and_printed_lines_say_the_same(done, out):
     assert f'Branches of periodic orbits</dt><dd class="value">{len(branches)}</dd>' in conclusions
 
 
+def test_the_summary_says_where_a_branch_is_stable(done, out):
+    results = read_results(out)
+    summary, branches = results.findings.orbits.branches, results.followed.branches
+    assert any(one.stable for one in summary)
+    for one, branch in zip(summary, branches, strict=True):
+        away = np.ones(len(branch), dtype=bool)
+        away[branch.bifurcation_points] = False
+        inside = np.any(
+            [(low <= branch.values) & (branch.values <= high) for low, high in one.stable or [(1, 0)]], axis=0
+        )
+        assert inside[branch.is_stable & away].all()
+        # without a fold a value has one orbit
+        if not any(each.kind == "fold" for each in branch.bifurcations):
+            assert not inside[~branch.is_stable & away].any()
+    low, high = next(one.stable[0] for one in summary if one.stable)
+    assert f"{low:.8g} to {high:.8g} Hz" in " ".join(done[1].split())
+
+
 def test_the_figure_is_drawn_again_and_a_second_run_is_refused(done, out):
     folder, before = done[0], (out / "bifurcations.csv").read_bytes()
     assert "branches.png" in femimpact("figures", "out", cwd=folder).stdout

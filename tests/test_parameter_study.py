@@ -287,6 +287,48 @@ def test_cases_of_a_method_with_steps_have_side_by_side_the_bits_that_they_have_
         np.testing.assert_array_equal(evaluated(given, np.array([case])).values, together.values[[case]])
 
 
+def test_a_sine_by_acceleration_has_its_amplitude_at_the_frequency_of_each_case():
+    held, frequencies, levels = study(), [4.9, 5.3], [0.1, 0.2]
+    held = replace(held, base=fi.Sine(acceleration=levels[0], frequency=5.1))
+    amplitudes = {(a, f): a / (2.0 * np.pi * f) ** 2 for a in levels for f in frequencies}
+    cases = [{"base.frequency": f, "base.amplitude": amplitudes[levels[0], f], GAP: 2e-3} for f in frequencies]
+    options = {"measures": ["peak"], "cycles": 12, "starts": 3}
+    # an axis of the amplitude takes the place of the level of the study
+    by_amplitude = fi.parameter_study(held, cases, **options).peak_high.values
+    assert by_amplitude[0] != by_amplitude[1]
+    axes = {"base.frequency": frequencies, GAP: [2e-3]}
+    np.testing.assert_array_equal(fi.parameter_study(held, axes, **options).peak_high.values[:, 0], by_amplitude)
+    system = fi.reduce(fi.assemble(held.structure, elements=10), 3)
+    found = fi.parameter_study(system, axes, excitation=held.base, method=fi.EventDriven(), **options)
+    np.testing.assert_array_equal(found.peak_high.values[:, 0], by_amplitude)
+    assert found.attrs["base"] == "sine, frequency 5.1, acceleration 0.1, phase 0.0, start base"
+    # and an axis of the acceleration that of an amplitude
+    found = fi.parameter_study(study(), axes | {"base.acceleration": levels}, **options)
+    np.testing.assert_array_equal(found.peak_high.values[:, 0, 0], by_amplitude)
+    assert "acceleration as its axis has it, frequency as its axis has it" in found.attrs["drive"]
+    assert "amplitude" not in found.attrs["drive"]
+    other = [case | {"base.amplitude": amplitudes[levels[1], case["base.frequency"]]} for case in cases]
+    expected = fi.parameter_study(study(), other, **options).peak_high.values
+    np.testing.assert_array_equal(found.peak_high.values[:, 0, 1], expected)
+    with pytest.raises(fi.InputError, match=r"base\.acceleration: must be given alone: base\.amplitude is an axis too"):
+        fi.parameter_study(study(), axes | {"base.acceleration": levels, "base.amplitude": [1e-3]}, **options)
+    for wrong in (0.0, -1.0, "2 g"):
+        with pytest.raises(fi.InputError, match=r"base\.acceleration = .*: must be a finite number > 0 m/s\^2"):
+            fi.parameter_study(study(), axes | {"base.acceleration": [wrong]}, **options)
+
+
+def test_a_level_by_acceleration_is_written_and_read_again_and_is_that_of_the_sweep():
+    text = paper_study_text().replace("amplitude = 0.2037e-3", 'acceleration = "0.02 g"')
+    given = read_study(text, Path("study.toml"))
+    assert given.base == fi.Sine(acceleration=0.02 * 9.80665, frequency=given.base.frequency)
+    other = replace(given, base=replace(given.base, frequency=5.2))
+    assert read_study(study_text(other), Path("study.toml")).base == other.base
+    assert other.base.level == given.base.level == given.sweep_level["acceleration"]
+    assert given.sweep_level["amplitude"] is None
+    changed = study_with(given, {fi.app.ParameterStudy(given, {"base.frequency": [5.2]}, ["peak"]).places[0]: 5.2})
+    assert changed.base == other.base
+
+
 def chirped(**changes):
     """The study of `study` on a short chirp of the base."""
     chirp = fi.Chirp(4.7, 5.3, 2.0, acceleration=0.3)

@@ -38,6 +38,7 @@ from femimpact.app.study import study as studies
 from femimpact.app.study.findings import read_findings
 from femimpact.app.study.parameter_plan import AxisValues
 from femimpact.app.study.prepared import with_base
+from femimpact.app.study.start import PartStart
 from femimpact.app.study.study import Gravity
 from femimpact.app.study.study_file import LAWS
 from femimpact.app.tasks import run as runs
@@ -276,7 +277,8 @@ def test_every_table_of_a_study_file_can_be_written(study):
         study, structure=structure, method={"name": "event-driven"}, plan=plan, orbits=orbits
     )
     # forces go without a sweep
-    struck = dataclasses.replace(everything, sweep=None, forces=(fi.HammerBlow("tip", 1e-3, 1e-3),))
+    begins = (PartStart("tip", displacement=1e-3),)
+    struck = dataclasses.replace(everything, sweep=None, forces=(fi.HammerBlow("tip", 1e-3, 1e-3),), begins=begins)
     text = study_text(everything) + study_text(struck)
     for table in TABLES:
         assert f"[{table}]" in text or f"[[{table}]]" in text or f"[{table}.segment]" in text

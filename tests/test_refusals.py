@@ -641,7 +641,17 @@ CALLS = [
     *(
         (words, call)
         for call, words in (
-            (lambda: fi.Chirp(1.0, 2.0, 1.0), r"amplitude: must be given alone"),
+            (lambda: fi.Chirp(1.0, 2.0, 1.0), r"amplitude: is missing: one of amplitude \(m\) and acceleration"),
+            (lambda: fi.Sine(frequency=5.0), r"amplitude: is missing: one of amplitude \(m\) and acceleration"),
+            (lambda: fi.Sine(1e-3), r"frequency: must be a finite number > 0 Hz"),
+            (
+                lambda: fi.Sine(acceleration=((4.0, 1.0), (6.0, 2.0)), frequency=5.0),
+                "acceleration = .*: must be a finite",
+            ),
+            (
+                lambda: fi.PointForce("tip", fi.Sine(acceleration=1.0, frequency=5.0)),
+                "history = 'Sine': must have an amplitude, in newtons",
+            ),
             (
                 lambda: fi.Chirp(1.0, 2.0, 1.0, amplitude=1.0, acceleration=1.0),
                 r"amplitude = 'both'.*must be given alone",

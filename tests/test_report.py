@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import shutil
 import warnings
 from dataclasses import fields, replace
@@ -16,6 +17,7 @@ from builders import (
     NO_PICTURES,
     REFERENCE,
     UNDRAWN_STUDY,
+    ParameterPlan,
     ResultFileWarning,
     reduced,
     run_study,
@@ -27,6 +29,10 @@ from test_markup import HOSTILE, Parsed
 import femimpact as fi
 from femimpact.app.report.pictures import draw_again
 from femimpact.app.report.player import FULL, frames_of
+from femimpact.app.results.results import read_summary
+from femimpact.app.study.findings import read_findings
+from femimpact.app.study.parameter_plan import BestPlan
+from femimpact.app.study.study import build_systems
 from femimpact.cli import app
 
 pytestmark = pytest.mark.impacts
@@ -708,3 +714,39 @@ def test_orbits_branches_spectra_preflights_and_figures_are_parts_of_a_page(tmp_
     assert section(text, "part-5").count("<tr>") == 1 + len(preflight.rows)
     with pytest.raises(fi.InputError, match="an orbit or a branch"):
         fi.report(tmp_path / "page.html", {"three": 3})
+
+
+@pytest.mark.parametrize("swept", [False, True])
+def test_the_largest_stress_stands_with_and_without_the_ball_and_says_where_it_is(swept, tmp_path):
+    study = short_study(2.0, **PAGE)
+    run_study(study if swept else replace(study, sweep=None), tmp_path)
+    found, text = read_findings(read_summary(tmp_path)), Parsed(text_of(tmp_path)).text
+    assert "Largest root surface stress with ball" in text
+    assert f"steady at {study.base.frequency:g} Hz" in text or f"MPa at {study.base.frequency:g} Hz, steady" in text
+    # the steady motion without the ball, run until its transient has died out
+    system = fi.reduce(fi.without_impactors(build_systems(study)[1]), 8)
+    kept = fi.Recorder(channels=("root.surface_stress", "tip"), start=590.0)
+    run = fi.integrate(system, study.base, fi.EventDriven(), 600.0, kept)
+    steady = np.abs(run["root.surface_stress"]).max()
+    assert found.history.root_stress_without == pytest.approx(steady, rel=5e-3)
+    if swept:
+        curve = found.sweep["empty"]
+        assert f"at {curve.peak_frequency:.4g} Hz, where the peak of the sweep is" in text
+        # a motion of one mode has the stress in proportion to it
+        ratio = steady / np.abs(run["tip"]).max()
+        assert curve.root_stress == pytest.approx(ratio * curve.peak_amplitude, rel=0.02)
+
+
+@pytest.mark.parametrize("limit", [1e6, 2e9])
+def test_a_stress_has_its_limit_and_the_share_that_it_uses(limit, tmp_path):
+    study = replace(short_study(1.0, **PAGE), sweep=None)
+    best = BestPlan("peak", limits={"root.surface_stress": limit})
+    axes = {"impactor.ball.gap": [0.003, 0.004]}
+    plan = ParameterPlan(axes=axes, measures=("peak", "root.surface_stress"), best=best)
+    run_study(replace(study, plan=plan), tmp_path)
+    largest = read_findings(read_summary(tmp_path)).history.channels["root.surface_stress"].largest_of_run
+    for short in (False, True):
+        text = Parsed(write_report(tmp_path, tmp_path / "page.html", short).read_text(encoding="utf-8")).text
+        share = re.search(r"root.surface_stress [\d.]+ MPa, limit (\d+) MPa, ([\d.]+) % of it", text)
+        assert float(share[1]) == 1e-6 * limit
+        assert float(share[2]) == pytest.approx(100.0 * largest / limit, rel=5e-3)

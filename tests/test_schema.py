@@ -92,7 +92,11 @@ STUDIES = {"paper": (SOUND, 5), "stepped": (tomllib.loads(STEPPED), 9), "random"
 """Studies, and how many of their mutants there are for one that the test takes: each step meets every change."""
 RULES = (
     ("nan", r"\bnan\b"),
-    ("pairs of keys", r": give (exactly one pair|width and thickness|either elements|either two modes)"),
+    (
+        "pairs of keys",
+        r": give (exactly one pair|width and thickness|either elements|either two modes)"
+        r"|: is missing: one of ",
+    ),
     (
         "comparisons",
         r": must (be > start|not be the value of from|be > 0, as to|be \[.*\], the (first|last)"

@@ -376,7 +376,7 @@ def test_ranges_of_a_history_stay_where_the_run_is_ended_in_its_sweep(tmp_path, 
     assert found["history_starts"] == ran.summary["history_starts"]
 
 
-def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods():
+def test_the_film_of_a_run_without_a_cycle_shows_its_largest_motion():
     given = shock()
     given = replace(given, output=replace(given.output, frames=120))
     prepared = prepare(given)
@@ -386,6 +386,12 @@ def test_the_film_of_a_shock_shows_the_pulse_and_of_a_long_run_its_last_periods(
     # some three periods of the first mode, of the run's 3 s
     assert times[0] == pytest.approx(0.0, abs=1e-3)
     assert times[-1] == pytest.approx(3.0 / prepared.small.first_frequency, rel=0.05)
+    # of a random run too it is where the largest motion is
+    noise = replace(given, base=fi.RandomBase([(2.0, 0.1), (20.0, 0.1)], 6.0, seed=3), duration=None)
+    late = runs.run_simulation(prepare(noise))
+    largest, times = late.largest("tip"), late.snapshots.time
+    assert times[0] < largest.time < times[-1]
+    assert times[-1] < 6.0
     whole = integrate(prepared.small, given.excitation, prepared.method, 1.0).impacts
     np.testing.assert_allclose(run.impacts.time[:10], whole.time[:10], rtol=1e-9)
     assert run.impacts.time[-1] > 2.0

@@ -261,6 +261,7 @@ def test_a_changed_record_is_written_anew_and_read_as_the_same_study(tmp_path, s
         ('"mean"', '"mean"\nscael = 2.0', "base.scael: unknown; did you mean 'scale'?"),
         ('"mean"', '"mean"\ncontent = "0,1"', "base.content: unknown"),
         ('"mean"', '"mean"\nfrequency = 5.0', "base.frequency = 5.0: belongs to a sine"),
+        ('"mean"', '"mean"\nacceleration = 5.0', "base.acceleration = 5.0: belongs to a sine"),
         ("record =", "file =", "base.record: is missing: [base] has detrend, file, scale"),
         ("\n[base]", f"\n{SWEEP}[base]", "sweep: needs a sine of the base"),
     ],

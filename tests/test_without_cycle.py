@@ -47,6 +47,10 @@ def test_recorded_noise_is_called_by_no_word_for_what_repeats(seed, method):
         (np.where(TIME < 0.011, 1.0, 0.0), False),
         # one cycle: nothing repeats
         (np.sin(2 * np.pi * 0.125 * TIME), False),
+        # a burst that dies away, as an earthquake with one strong line
+        (np.exp(-((TIME - 2.0) ** 2)) * np.sin(2 * np.pi * 3.0 * TIME), False),
+        # a sine that begins late
+        (np.where(TIME > 2.0, np.sin(2 * np.pi * 5.0 * TIME), 0.0), True),
         (np.zeros(TIME.size), False),
         (0.5 * TIME, False),
     ],

@@ -251,8 +251,8 @@ def preflight_of_study(study: Study, small: System) -> Preflight:
     grid = None if plan is None else refined_grid(plan, without_impactors(small), None)
     found = preflight(
         small, study.excitation, duration=study.history_duration, frequencies=grid,
-        cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial,
-        acceleration=plan.acceleration if plan else None,
+        cycles=plan.cycles if plan else None, structure=study.structure, initial=study.initial_on(small),
+        acceleration=study.sweep_level["acceleration"] if plan else None,
     )  # fmt: skip
     axes = () if study.plan is None else axis_rows(definition_of(study))
     return Preflight((*(replace(row, instead=in_study_words(row.instead)) for row in found.rows), *axes))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,10 +22,26 @@ from femimpact.contact.collision import (
     restitution_of_damping_ratio,
     restitution_of_loss_factor,
 )
-from femimpact.errors import Fault, InputError, check_fields, checked, choice, in_range, quantity, require, require_type
+from femimpact.errors import (
+    Fault,
+    InputError,
+    check_fields,
+    checked,
+    choice,
+    factor_rows,
+    in_range,
+    optional,
+    quantity,
+    require,
+    require_type,
+)
 
 KELVIN_VOIGT, SWITCHING_SPRING, POWER, CUSTOM, RIGID = KINDS = range(5)
 """Kinds of laws, numbered as in femimpact/core/contact/formulas.hpp."""
+
+
+SpeedPiece = tuple[Any, Any, Any, float]
+"""Approach speed v (m/s) from which a restitution is a + b v^p, with a, b and p."""
 
 
 class ContactParameters(NamedTuple):
@@ -36,6 +53,7 @@ class ContactParameters(NamedTuple):
     contact_time: float  # s, from touch to zero force
     restitution: float  # 1, of one collision in continuous time
     exponent: float = 1.0
+    over_speed: tuple[SpeedPiece, ...] = ()  # of a restitution that depends on the approach speed, from 0 m/s on
 
     @classmethod
     def of_function(cls, contact_time: float, restitution: float) -> ContactParameters:
@@ -46,6 +64,20 @@ class ContactParameters(NamedTuple):
     def is_rigid(self) -> bool:
         """True if the contact is an impulse, without force and duration."""
         return self.kind == RIGID
+
+    def restitution_at(self, approach_speed: float) -> float:
+        """Restitution (1) of an impact with this speed (m/s)."""
+        restitution, _ = restitution_over(self.over_speed, approach_speed)
+        return self.restitution if restitution is None else float(restitution)
+
+
+def restitution_over(pieces: Sequence[SpeedPiece], speed: Any) -> tuple[Any, Any]:
+    """Restitution at an approach speed (m/s), which may be complex, and its slope (s/m); None and 0 without pieces."""
+    restitution, slope = None, 0.0
+    for _, constant, factor, exponent in (piece for piece in pieces if piece[0] <= speed.real):
+        restitution = constant + factor * speed**exponent if factor else constant
+        slope = factor * exponent * speed ** (exponent - 1.0) if factor else 0.0
+    return restitution, slope
 
 
 class CompiledLaw:
@@ -69,19 +101,43 @@ class CompiledLaw:
 class Rigid(CompiledLaw):
     """Impact of no duration: the relative speed v at the wall becomes -e v (Newton's restitution).
 
-    For `EventDriven` and `MoreauJean`; the impulse is (1 + e) v/(1/m + b^T M^-1 b).
+    For `EventDriven` and `MoreauJean`; the impulse is (1 + e) v/(1/m + b^T M^-1 b). With `EventDriven` the
+    restitution may depend on the approach speed v, either by a table or as e (v/v1)^p.
 
     Parameters
     ----------
     restitution : float, 1
-        Speed after an impact over that before it.
+        Speed e after an impact over that before it.
+    over_speed : sequence of (float, float), m/s and 1
+        Approach speeds, rising, and factors of e there: straight between them, constant outside. An impact with
+        just the speed of a row has the slope behind it.
+    at_speed : float, m/s
+        Approach speed v1 at which the restitution is e.
+    exponent : float, 1
+        p of the power; -1/4 is that of plastic impacts (Johnson, Contact Mechanics, 1985).
+    at_most : float, 1
+        Largest restitution: that of all impacts slower than v1 (at_most/e)^(1/p).
     """
 
     restitution: float = field(metadata=quantity("1", at_least=0.0, at_most=1.0))
+    over_speed: tuple[tuple[float, float], ...] = field(default=(), metadata=factor_rows("m/s"))
+    at_speed: float | None = field(default=None, metadata=optional(quantity("m/s", above=0.0)))
+    exponent: float | None = field(default=None, metadata=optional(quantity("1", above=-1.0, below=0.0)))
+    at_most: float | None = field(default=None, metadata=optional(quantity("1", above=0.0, below=1.0)))
     name: ClassVar[str] = "rigid"
 
     def __post_init__(self) -> None:
         check_fields(self)
+        of_power = (self.at_speed, self.exponent, self.at_most)
+        missing = [number is None for number in of_power]
+        sound = all(missing) or not (any(missing) or self.over_speed)
+        require(sound, "at_speed, exponent, at_most", of_power, "", "must be given together, and without over_speed")
+        if self.at_most is not None:
+            allowed = f"must be at most at_most, {self.at_most:g}"
+            require(self.restitution <= self.at_most, "restitution", self.restitution, "", allowed)
+        largest = self.restitution * max((factor for _, factor in self.over_speed), default=1.0)
+        allowed = f"must have factors that leave the restitution {self.restitution:g} at most 1: it is {largest:g}"
+        require(largest <= 1.0, "over_speed", self.over_speed, "", allowed)
 
     def normal_force(self, depth: float, rate: float, approach_speed: float, effective_mass: float) -> float:
         """Not a number: an impulse has no force."""
@@ -89,11 +145,27 @@ class Rigid(CompiledLaw):
 
     def collide(self, effective_mass: float, approach_speed: float) -> Collision:
         """One collision, without duration and penetration."""
-        return collision_of(self.restitution, 0.0, math.nan, 0.0, effective_mass, approach_speed)
+        restitution = self.parameters(effective_mass).restitution_at(approach_speed)
+        return collision_of(restitution, 0.0, math.nan, 0.0, effective_mass, approach_speed)
 
     def parameters(self, effective_mass: float) -> ContactParameters:
         """Numbers for the time loop."""
-        return ContactParameters(RIGID, math.inf, 0.0, 0.0, self.restitution)
+        over_speed = speed_pieces_of(self, self.restitution)
+        return ContactParameters(RIGID, math.inf, 0.0, 0.0, self.restitution, over_speed=over_speed)
+
+
+def speed_pieces_of(law: Rigid, restitution: Any) -> tuple[SpeedPiece, ...]:
+    """The restitution over the approach speed, from 0 m/s on, with another number e, which may be complex."""
+    if law.exponent is not None and law.at_speed is not None and law.at_most is not None:
+        slowest = law.at_speed * (law.at_most / restitution.real) ** (1.0 / law.exponent) if restitution else 0.0
+        scale = restitution * law.at_speed**-law.exponent
+        return (0.0, law.at_most if restitution else 0.0, 0.0, 1.0), (slowest, 0.0, scale, law.exponent)
+    if not law.over_speed:
+        return ()
+    rows = [(speed, restitution * factor) for speed, factor in law.over_speed]
+    slopes = [(after - before) / (w - v) for (v, before), (w, after) in pairwise(rows)]
+    straight = [(v, e - slope * v, slope, 1.0) for (v, e), slope in zip(rows, slopes, strict=False)]
+    return (0.0, rows[0][1], 0.0, 1.0), *straight, (*rows[-1], 0.0, 1.0)
 
 
 @dataclass(frozen=True)

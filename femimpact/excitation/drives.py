@@ -26,9 +26,10 @@ from femimpact.excitation.excitation import (
     times,
     words_of,
 )
+from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial, half_sine, pieces_of
 from femimpact.excitation.sums import Form, Sum, added, force_form_of, forms_together, one_sine, parts_of
-from femimpact.units import typeset_number, unit_text
+from femimpact.units import GRAVITY, typeset_number, unit_text
 
 BASE = "base"
 """Name of the motion of the base among the drives."""
@@ -142,6 +143,9 @@ class PointForce(BaseAtRest):
         for part in parts_of(self.history):
             allowed = "must have a closed form, and each part of a sum as well: sample it into a RecordedBase"
             require(force_form_of(part) is not None, "history", kind_of(part), "", allowed)
+            by_force = not isinstance(part, Sine) or part.by == "amplitude"
+            allowed = "must have an amplitude, in newtons: the acceleration of a sine is one of the base"
+            require(by_force, "history", kind_of(part), "", allowed)
 
     @property
     def frequency(self) -> float:
@@ -418,13 +422,24 @@ def drive_words(excitation: Any) -> list[str]:
     return lines
 
 
+def _of_density(history: Any, unit: str) -> Iterator[str]:
+    """Density of a random drive, from its smallest to its largest, and its rms."""
+    density = np.array([row[1] for row in history.psd])
+    # that of a base in g too, as tests are asked for
+    units = {"m/s^2": {"(m/s^2)^2/Hz": 1.0, "g^2/Hz": GRAVITY**-2}, "N": {"N^2/Hz": 1.0}}.get(unit, {"1/Hz": 1.0})
+    for name, factor in units.items():
+        ends = dict.fromkeys(typeset_number(factor * float(one), 3) for one in (density.min(), density.max()))
+        yield f"{' to '.join(ends)} {name}"
+    yield f"rms {unit_text(history.rms, unit)}"
+
+
 def _numbers(history: Any, unit: str) -> Iterator[str]:
     """Numbers of a drive by their names, with units, where they are not those that it has by default."""
     for part in getattr(history, "parts", ()):
         yield from _numbers(part, unit)
     for item in fields(history) if is_dataclass(history) else ():
         value, name = getattr(history, item.name), item.name.replace("_", " ")
-        if item.name in ("by", "at", "name", "parts", "end") or value is None or value is item.default:
+        if item.name in ("by", "at", "name", "parts", "end", "source") or value is None or value is item.default:
             continue
         own = item.metadata.get("unit") or ""
         if name in ("level", "amplitude"):
@@ -442,6 +457,9 @@ def _numbers(history: Any, unit: str) -> Iterator[str]:
         elif name in ("psd", "frequencies"):
             f = np.ravel([row[0] if name == "psd" else row for row in value])
             yield f"{f.min():g} to {f.max():g} Hz" + (f" in {f.size} steps" if name == "frequencies" else "")
+            yield from _of_density(history, unit) if name == "psd" else ()
+        elif name == "samples":
+            yield f"{np.size(value)} samples, largest {unit_text(float(np.abs(value).max()), unit)}"
         else:
             yield f"{np.size(value)} {name}"
     if isinstance(history, Chirp) and history.kind == "logarithmic":

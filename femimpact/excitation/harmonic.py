@@ -28,6 +28,8 @@ LEVEL, TABLE = level_rows("m or m/s^2"), level_rows("m/s^2")
 
 FADE = quantity("s", at_least=0.0)
 
+UNITS_OF_LEVEL = {"amplitude": "m", "acceleration": "m/s^2"}
+
 Level = float | tuple[tuple[float, float], ...]
 """A level, or rows of a frequency (Hz) and a level."""
 
@@ -60,9 +62,9 @@ def level_of(amplitude: float | None, acceleration: Any, level: Any, by: str | N
     if not named and (level is not None or by is not None):
         require(level is not None, "level", level, "m or m/s^2", "must be a finite number >= 0")
         return level, by
-    allowed = "must be given alone: one of amplitude (m) and acceleration (m/s^2)"
+    allowed = f"{'must be given alone' if named else 'is missing'}: one of amplitude (m) and acceleration (m/s^2)"
     require(len(named) == 1, "amplitude", "both" if named else None, "", allowed)
-    if hasattr(levels[named[0]], "__len__"):
+    if hasattr(levels[named[0]], "__len__") and not isinstance(levels[named[0]], str):
         allowed = "must be a number: a level over frequency is an acceleration, (2 pi f)^2 times the amplitude"
         require(named[0] == "acceleration", "amplitude", amplitude, "m", allowed)
         return checked("acceleration", acceleration, TABLE), "acceleration"
@@ -91,26 +93,53 @@ def check_fade(fade: float, duration: float) -> None:
     require(fade <= 0.5 * duration, "fade", fade, "s", f"must be at most half the duration, {0.5 * duration:g} s")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Sine:
     """Steady sine of the base: ub(t) = amplitude sin(2 pi frequency t + phase).
+
+    By acceleration the amplitude is acceleration/(2 pi frequency)^2: at another frequency, as of an axis of a study, it
+    is another one.
 
     Parameters
     ----------
     amplitude : float, m
-        Of the base's displacement; as the history of a `PointForce`, in newtons.
+        Of the base's displacement; as the history of a `PointForce`, in newtons. Either this or `acceleration`.
     frequency : float, Hz
         Of the sine.
     phase : float, rad
         At t = 0.
+    acceleration : float, m/s^2
+        Amplitude of the base's acceleration.
+    level : float, m or m/s^2
+        What amplitude or acceleration was given as.
+    by : {"amplitude", "acceleration"}
+        Which of them was given.
     """
 
-    amplitude: float = field(metadata=quantity("m", at_least=0.0))
+    level: float = field(metadata=quantity("m or m/s^2", at_least=0.0))
     frequency: float = field(metadata=quantity("Hz", above=0.0))
     phase: float = field(default=0.0, metadata=quantity("rad"))
+    by: str = field(default="amplitude", metadata=choice("amplitude", "acceleration"))
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def __init__(
+        self,
+        amplitude: float | None = None,
+        frequency: Any = None,
+        phase: float = 0.0,
+        acceleration: float | None = None,
+        *,
+        level: Any = None,
+        by: str | None = None,
+    ) -> None:
+        level, by = level_of(amplitude, acceleration, level, by)
+        if by in UNITS_OF_LEVEL:
+            level = checked(by, level, quantity(UNITS_OF_LEVEL[by], at_least=0.0))
+        set_fields(self, level=level, frequency=frequency, phase=phase, by=by)
+
+    @property
+    def amplitude(self) -> float:
+        """Of the base's displacement, m; of a force, N."""
+        return self.level if self.by == "amplitude" else self.level / self.omega**2
 
     @property
     def omega(self) -> float:

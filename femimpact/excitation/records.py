@@ -73,6 +73,9 @@ def _warn(path: Path, words: str) -> None:
 LEAKAGE = 2
 """Lines on either side of one that a sine between them has 95 % of its energy in, all five together."""
 
+LASTING = 0.5
+"""Rms of the last third of a record over that of all of it, below which it has died away."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordedBase:
@@ -272,9 +275,13 @@ class RecordedBase:
     def has_cycle(self) -> bool:
         """True if half of the energy of the samples is in the largest line of the spectrum and the two on either side.
 
-        That of a recorded sine is; noise, a pulse and a chirp have no cycle after which anything could repeat. What is
-        said of `frequency` holds here: without the line of least squares, and with 2 cycles or more in the record.
+        That of a recorded sine is; noise, a pulse and a chirp have no cycle after which anything could repeat, and what
+        has died away in the last third, as an earthquake, is no sine either. What is said of `frequency` holds here:
+        without the line of least squares, and with 2 cycles or more in the record.
         """
+        power = np.square(self.samples)
+        if power[-max(power.size // 3, 1) :].mean() < LASTING**2 * power.mean():
+            return False
         energy = self.closed_form.spectrum[1] ** 2
         largest = int(np.argmax(energy))
         near = energy[max(largest - LEAKAGE, 0) : largest + LEAKAGE + 1].sum()

@@ -30,6 +30,7 @@ from femimpact.figures.drawing import (
     label_axes,
     last_cycles,
     legend_above,
+    panel,
     panels,
     plain_log_ticks,
     require_history,
@@ -255,6 +256,7 @@ def channels(
 ) -> NDArray[np.object_]:
     """Channels of a run over time: a row for four of one quantity, the whole run beside its end.
 
+    Of a drive without a cycle it is beside the part around the largest displacement.
     Of a long line the smallest and the largest value of each stretch are drawn. The first 24 channels are drawn, and
     contact forces that are zero throughout, as those of rigid impacts, are left out.
 
@@ -262,7 +264,8 @@ def channels(
     ----------
     response : Response
     end : Response, optional
-        Its last cycles, which may be read more finely; by default the last twentieth of the run.
+        Its last cycles, which may be read more finely; by default the last twentieth of the run. Of a drive without a
+        cycle it is not drawn.
     figure : Figure, optional
         Drawn on; a new one of pyplot's by default.
 
@@ -279,7 +282,15 @@ def channels(
     rows = _rows(drawn_channels(response), response.units)
     axes = panels(figure, 11.0, 2.6 * len(rows) + 0.4, len(rows), 2, sharex="col", width_ratios=(1.3, 1.0))
     time = response.time
-    late = time >= time[-1] - LAST_PART * (time[-1] - time[0])
+    close_to, part = "end of the run" if end is None else "last cycles", LAST_PART * (time[-1] - time[0])
+    begin = time[-1] - part
+    if not has_cycle(response.base):
+        first = response.channels[
+            next((names[0] for _, names in rows if response.units[names[0]] == "m"), rows[0][1][0])
+        ]
+        begin = min(max(time[np.nanargmax(np.abs(first))] - 0.3 * part, time[0]), begin)
+        close_to, end = "around the largest displacement", None
+    late = (time >= begin) & (time <= begin + part)
     for (full, close), (words, names) in zip(axes, rows, strict=True):
         lines = {name: (time, response.channels[name]) for name in names}
         last = {name: (time[late], values[late]) for name, (_, values) in lines.items()}
@@ -296,8 +307,18 @@ def channels(
             close.set_title(f"largest {unit_text(largest, unit)}", loc="left")
         legend_above(full)
     axes[-1, 0].set_xlabel("time (s)")
-    axes[-1, 1].set_xlabel(f"time (s), {'end of the run' if end is None else 'last cycles'}")
+    axes[-1, 1].set_xlabel(f"time (s), {close_to}")
     return axes
+
+
+def one_channel(response: Response, name: str, ax: Axes | OffScreen | None = None) -> Axes:
+    """One channel over the whole run."""
+    axis, values = panel(ax, 8.0, 4.6), response[name]
+    factor, unit = prefixed(float(np.nanmax(np.abs(values), initial=0.0)), response.units[name])
+    _over_time(axis, {name: (response.time, values)}, factor)
+    words = QUANTITIES.get(response.units[name], "value")
+    label_axes(axis, "time (s)", f"{name}, {words} ({unit})")
+    return axis
 
 
 def drawn_channels(response: Response) -> list[str]:

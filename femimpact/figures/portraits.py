@@ -295,9 +295,9 @@ def phase_portrait(
     axis = panel(ax, 6.4, 5.6)
     axis.plot(x, rate, color=BLUE, linewidth=0.7)
     for stop in stops:
-        for wall in (1e3 * stop.gaps[0], -1e3 * stop.gaps[1]):
-            if math.isfinite(wall):
-                axis.axvline(wall, color="black", linewidth=1.4, label=stop.name)
+        walls = [wall for wall in (1e3 * stop.gaps[0], -1e3 * stop.gaps[1]) if math.isfinite(wall)]
+        for number, wall in enumerate(walls):
+            axis.axvline(wall, color="black", linewidth=1.4, label=None if number else stop.name)
     if drawn is not None:
         section = response.stroboscopic(drawn)
         once = section.time >= start

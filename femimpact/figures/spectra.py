@@ -118,6 +118,8 @@ def _amplitudes(axis: Axes, lines: Spectrum, base: Any, highest: float | None) -
             base.frequency, color=GREY, linestyle="--", linewidth=1.2, label=f"{driven}, {base.frequency:.4g} Hz"
         )
         title = f"last {round(base.frequency / lines.resolution)} cycles, {title}"
+        if base.amplitude == 0.0 and not is_force(base):
+            title += "\nof a free decay fi.spectrum(run, start=0.0) takes all"
     axis.plot(lines.frequency[band], factor * values, color=BLUE, linewidth=1.2, label=lines.channel)
     if values.any():
         # of a channel at rest there is no logarithm

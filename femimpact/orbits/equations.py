@@ -112,7 +112,7 @@ class EventMaps:
     row: Numbers  # (N, 2d) of h
     distance: Numbers  # (N,) h
     distance_by_phase: Numbers  # (N,) at a fixed state
-    impulse: Numbers  # (N, 2d) change of z by a unit approach speed
+    impulse: Numbers  # (N, 2d) derivative of the change of z by the approach speed
     speed_row: Numbers  # (N, 2d) of the approach speed
     speed: Numbers  # (N,) m/s
     speed_by_phase: Numbers  # (N,)
@@ -162,15 +162,16 @@ def event_maps(hybrid: HybridSystem, events: EventStates) -> EventMaps:
         arrived[each], propagator[each] = flow.carried(start[each], begin[each], phases[each])
         field_before[each] = flow.field(start[each], begin[each])
         field_arrived[each] = flow.field(arrived[each], phases[each])
-    row = impulse = np.zeros((phases.size, 2 * d))
+    row = change = impulse = np.zeros((phases.size, 2 * d))
     of_base, level, by_phase = np.zeros((phases.size, 2)), sequence.section, 1.0
     if SECTION not in sequence.kind:
         (row, of_base, level), by_phase = hybrid.conditions(sequence.kind, sequence.pair, sequence.side), 0.0
-        impulse = hybrid.impulses(sequence.kind, sequence.pair, sequence.side)
     sine, cosine = np.sin(phases), np.cos(phases)
     speed_row = np.concatenate([0.0 * row[:, :d], row[:, :d]], axis=1)
     speed = (speed_row * arrived).sum(axis=1) + hybrid.omega * of_base[:, 0] * cosine
-    jumped = arrived + impulse * speed[:, None]
+    if SECTION not in sequence.kind:
+        change, impulse = hybrid.impulses(sequence.kind, sequence.pair, sequence.side, speed)
+    jumped = arrived + change * speed[:, None]
     for flow, each in _flows(hybrid, sequence.contact_state):
         field_after[each] = flow.field(jumped[each], phases[each])
     return EventMaps(

@@ -148,6 +148,12 @@ def stretches(branch: Branch) -> Iterator[tuple[slice, bool]]:
         begin = end
 
 
+def stable_ranges(branch: Branch) -> tuple[tuple[float, float], ...]:
+    """Lowest and highest value of the parameter of each stretch of stable orbits, in their order."""
+    parts = (branch.values[part] for part, is_stable in stretches(branch) if is_stable)
+    return tuple(sorted({(float(part.min()), float(part.max())) for part in parts}))
+
+
 def _stable_between(branch: Branch) -> NDArray[np.bool_]:
     """Whether the orbits between each two points are stable: at a bifurcation rounding decides."""
     stable, at = branch.is_stable, np.zeros(len(branch), dtype=bool)

@@ -28,6 +28,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array, Integers
+from femimpact.contact.laws import SpeedPiece, restitution_over
 from femimpact.errors import Fault, InputError
 from femimpact.excitation.excitation import Excitation
 from femimpact.integrators.channel_rows import drive_of
@@ -88,6 +89,7 @@ class HybridSystem:
     in_space: Numbers  # (pairs,) x_j = -force_j p - in_space_j ub
     gaps: Numbers  # (pairs, 2) m: to the + and to the - side
     restitution: Numbers  # (pairs,)
+    over_speed: tuple[tuple[SpeedPiece, ...], ...]  # of each pair; of one restitution at all speeds none
     contact_stiffness: Numbers  # (pairs,) N/m, of Kelvin-Voigt pairs
     contact_damping: Numbers  # (pairs,) N s/m
     omega: Any  # rad/s
@@ -128,11 +130,20 @@ class HybridSystem:
             self.rows[event] = parts[0][0], parts[1][0], parts[2][0]
         return self.rows[event]
 
-    def impulses(self, kind: Sequence[str], pair: Integers, side: Array) -> Numbers:
-        """Changes (N, 2d) of z by events per unit of their approach speed."""
+    def impulses(self, kind: Sequence[str], pair: Integers, side: Array, speed: Numbers) -> tuple[Numbers, Numbers]:
+        """Changes (N, 2d) of z by events over their approach speeds (N,), and their derivatives by these."""
         push, is_impact = self.force.T[pair] / self.mass, np.array([name == IMPACT for name in kind])
-        change = is_impact * side * (1.0 + self.restitution[pair]) / (self.force.T[pair] * push).sum(axis=1)
-        return np.concatenate([0.0 * push, change[:, None] * push], axis=1)
+        unit = is_impact * side / (self.force.T[pair] * push).sum(axis=1)
+        unit = np.concatenate([0.0 * push, unit[:, None] * push], axis=1)
+        restitution, more = self.restitution[pair], np.zeros_like(speed)
+        if any(self.over_speed):
+            # of a step of the search the pair may leave its wall
+            sizes = np.where(speed.real < 0.0, -speed, speed)
+            at_speed = [restitution_over(self.over_speed[j], v) for j, v in zip(pair.tolist(), sizes, strict=True)]
+            both = zip(at_speed, restitution, strict=True)
+            restitution = np.array([constant if over is None else over for (over, _), constant in both])
+            more = sizes * np.array([slope for _, slope in at_speed])
+        return unit * (1.0 + restitution)[:, None], unit * (1.0 + restitution + more)[:, None]
 
 
 def pressed_in(contact_state: NDArray[Any]) -> Array:
@@ -155,6 +166,7 @@ def hybrid_system(system: System, excitation: Excitation) -> HybridSystem:
         in_space=equations.in_space,
         gaps=np.array([pair.gaps for pair in system.contacts], dtype=float).reshape(-1, 2),
         restitution=np.array([numbers.restitution for numbers in parameters]),
+        over_speed=tuple(numbers.over_speed for numbers in parameters),
         contact_stiffness=np.array([numbers.stiffness for numbers in parameters]),
         contact_damping=np.array([numbers.damping for numbers in parameters]),
         omega=drive.omega,

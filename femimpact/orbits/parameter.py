@@ -16,7 +16,7 @@ import scipy.special
 
 from femimpact.arrays import own
 from femimpact.contact.collision import damping_ratio_for_restitution, linear_angle
-from femimpact.contact.laws import KelvinVoigt, Rigid
+from femimpact.contact.laws import KelvinVoigt, Rigid, speed_pieces_of
 from femimpact.errors import changed, faults_of, quantity, require, require_type, suggestion
 from femimpact.excitation.drives import PointForce
 from femimpact.excitation.excitation import LineLoad
@@ -139,7 +139,8 @@ def _of_excitation(system: System, excitation: Any, hybrid: HybridSystem) -> Ite
         return system, replace(excitation, history=replace(sine, **number))
 
     def at_frequency(value: Any) -> HybridSystem:
-        return replace(hybrid, omega=2.0 * math.pi * value)
+        level = hybrid.amplitude * (sine.frequency / value) ** 2 if sine.by == "acceleration" else hybrid.amplitude
+        return replace(hybrid, omega=2.0 * math.pi * value, amplitude=level)
 
     def at_amplitude(value: Any) -> HybridSystem:
         return replace(hybrid, amplitude=value)
@@ -187,7 +188,9 @@ def _of_pair(
         return replace(hybrid, gaps=_with_entry(hybrid.gaps, (j, np.isfinite(hybrid.gaps[j])), value))
 
     def at_restitution(value: Any) -> HybridSystem:
-        return replace(hybrid, restitution=_with_entry(hybrid.restitution, j, value))
+        pieces = speed_pieces_of(pair.law, value) if isinstance(pair.law, Rigid) else ()
+        over_speed = (*hybrid.over_speed[:j], pieces, *hybrid.over_speed[j + 1 :])
+        return replace(hybrid, restitution=_with_entry(hybrid.restitution, j, value), over_speed=over_speed)
 
     def at_law(value: Any, law: KelvinVoigt, name: str) -> HybridSystem:
         return with_spring(hybrid, law, pair.effective_mass, **{name: value})
@@ -218,7 +221,7 @@ def _of_pair(
         yield parameter("gap", gaps.pop(), quantity("m") if one_stop else quantity("m", above=0.0), at_gap, with_gap)
     if pair.has_walls and pair.parameters.is_rigid:
         allowed, value = quantity("1", at_least=0.0, at_most=1.0), pair.parameters.restitution
-        pair_at = partial(with_law, law=Rigid(value), name="restitution")
+        pair_at = partial(with_law, law=pair.law if isinstance(pair.law, Rigid) else Rigid(value), name="restitution")
         yield parameter("contact.restitution", value, allowed, at_restitution, pair_at)
     for name, item in NUMBERS.items() if isinstance(pair.law, KelvinVoigt) else ():
         law = _law_that_has(pair, name)

@@ -10,8 +10,10 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from femimpact.arrays import Array
+from femimpact.contact.laws import restitution_over
 from femimpact.errors import (
     DivergenceError,
     Fault,
@@ -55,6 +57,9 @@ GUESSES = Response, State, PeriodicOrbit
 
 GRAZING = 1e-8
 """Speed of an event, in lengths and rad of the drive, at which a search has ended on no impact."""
+
+FASTEST, SPEEDS = 1e3, 4000
+"""Largest approach speed over that of gap and drive, and speeds between which roots are looked for."""
 
 TRY = "try a run that has settled for longer, a start nearer to the orbit, or another number of cycles"
 
@@ -361,7 +366,7 @@ def untouched_ball(system: System, met: NDArray[Any], state: NDArray[Any]) -> st
 @warns
 @takes(system=instance(System))
 def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicOrbit, ...]:
-    """The symmetric orbits with one impact on each wall in a period of the excitation: at most two, in closed form.
+    """The symmetric orbits with one impact on each wall in a period of the excitation, in closed form.
 
     With the propagator P over half a period and the impulse q (1 + e) of a unit approach speed, the motion just after
     the impact on the + wall is z_p(theta) + v a, (I + P) a = q (1 + e): linear in the approach speed v. That the gap
@@ -370,7 +375,7 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
         (g + v alpha)^2 + v^2 (1 + beta)^2/omega^2 = |X|^2,
 
     a quadratic in v, with alpha and beta what the gap and its rate read of P a, and X the amplitude of the gap in the
-    steady response.
+    steady response: at most two. Where e depends on v the same equation is solved for every v.
 
     Parameters
     ----------
@@ -410,7 +415,8 @@ def two_impact_orbits(system: System, excitation: Excitation) -> tuple[PeriodicO
 
 
 def _solutions(hybrid: HybridSystem, pair: int) -> list[EventStates]:
-    """Roots of the quadratic with a positive speed, the larger one first."""
+    """Roots of the equation with a positive speed, the largest one first."""
+    pieces, hybrid = hybrid.over_speed[pair], replace(hybrid, over_speed=((),) * len(hybrid.over_speed))
     flow, d, pairs = hybrid.flow(np.zeros(hybrid.gaps.shape[0])), hybrid.mass.size, hybrid.gaps.shape[0]
     sequence = EventSequence(
         (IMPACT, IMPACT), np.full(2, pair), np.array([1.0, -1.0]), np.zeros((2, pairs)), np.zeros(2), 1
@@ -423,14 +429,32 @@ def _solutions(hybrid: HybridSystem, pair: int) -> list[EventStates]:
     # the gap in the steady response: along sin(theta) and along cos(theta)
     along = np.array([float(rows.row[0] @ steady) for steady in (flow.steady_sine, flow.steady_cosine)])
     along[0] += in_space
-    gap, tail = float(hybrid.gaps[pair, 0]), (1.0 + beta) / float(hybrid.omega)
-    roots = np.roots([alpha**2 + tail**2, 2.0 * alpha * gap, gap**2 - float(along @ along)])
-    guesses, least = [], GRAZING * gap * float(hybrid.omega)
+    gap, omega, constant = float(hybrid.gaps[pair, 0]), float(hybrid.omega), float(hybrid.restitution[pair])
+    largest, least = float(along @ along), GRAZING * gap * omega
+
+    def share(speed: float) -> float:
+        """The impulse over that of the restitution of all speeds."""
+        return float((1.0 + restitution_over(pieces, speed)[0]) / (1.0 + constant)) if pieces else 1.0
+
+    def parts(speed: float) -> tuple[float, float]:
+        """The two parts of |X|, m."""
+        return gap + speed * share(speed) * alpha, speed * ((1.0 + share(speed) * beta) / omega)
+
+    if pieces:
+        speeds = np.geomspace(least, FASTEST * (gap + math.sqrt(largest)) * omega, SPEEDS)
+        beyond = [math.hypot(*parts(speed)) > math.sqrt(largest) for speed in speeds.tolist()]
+        roots = np.array([
+            brentq(lambda speed: math.hypot(*parts(speed)) - math.sqrt(largest), speeds[k], speeds[k + 1], xtol=1e-300)
+            for k in np.flatnonzero(np.diff(beyond))
+        ])  # fmt: skip
+    else:
+        tail = (1.0 + beta) / omega
+        roots = np.roots([alpha**2 + tail**2, 2.0 * alpha * gap, gap**2 - largest])
+    guesses = []
     for speed in sorted((float(root.real) for root in roots if root.imag == 0.0 and root.real > least), reverse=True):
         # X = R sin(theta + lead)
-        lead = math.atan2(along[1], along[0])
-        phase = math.atan2(gap + speed * alpha, speed * tail) - lead
-        state = speed * after + flow.steady(np.array([phase]))[0]
+        phase = math.atan2(*parts(speed)) - math.atan2(along[1], along[0])
+        state = speed * (share(speed) * after) + flow.steady(np.array([phase]))[0]
         phases = phase % (2.0 * math.pi) + np.array([0.0, math.pi])
         guesses.append(EventStates(sequence, np.array([state, -state]), phases))
     return guesses

@@ -18,7 +18,7 @@ from femimpact.excitation.harmonic import Sine
 from femimpact.integrators.assembly import impacts_of
 from femimpact.integrators.channel_rows import Drive, channel_rows, drive_of
 from femimpact.integrators.event_driven import EventDriven
-from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block
+from femimpact.integrators.event_driven.block import Inputs, new_block, no_cycles, run_block, speed_pieces
 from femimpact.integrators.event_driven.store import FormStore, Outputs, outputs_alone
 from femimpact.orbits.equations import SECTION, EventStates, Solution, asymmetry, may_be_symmetric, product, state_unit
 from femimpact.orbits.motion import IMPACT, SEPARATE, TOUCH
@@ -311,6 +311,7 @@ def own_runs(
         stiffness=np.array([hybrid.contact_stiffness for hybrid in hybrids]),
         damping=np.array([hybrid.contact_damping for hybrid in hybrids]),
         restitution=np.array([hybrid.restitution for hybrid in hybrids]),
+        over_speed=speed_pieces([hybrid.over_speed for hybrid in hybrids], (count, len(systems[0].contacts))),
         is_sine=True,
         position=state[:, :d],
         velocity=state[:, d:],

@@ -22,8 +22,8 @@ from femimpact.errors import (
     optional,
     quantity,
     require,
-    require_name,
     require_type,
+    suggestion,
     takes,
     text,
     truth,
@@ -64,7 +64,8 @@ class Recorder:
         "ball.absolute_acceleration", that one (`response.channels.QUANTITIES` lists them).
         "gap" (ball minus beam, m) and "contact_force" (on the beam, N) belong to the only ball,
         "ball.gap" and "ball.contact_force" to the one named. A user's `Channel` reads any
-        linear function of the state. None keeps the tip, every ball and every contact force.
+        linear function of the state. None keeps the tip, every ball and every contact force; names given take
+        the place of these: ("tip", "ball", "ball.contact_force", "tip.velocity") adds one.
     interval : float, s, optional
         Between the instants at which an event-driven run is read, in place of its `samples_per_cycle`, whatever drives
         it. `every` and `snapshots` count these. A method with steps is read at its steps, and refuses it. None reads a
@@ -282,7 +283,10 @@ class Response:
     def __getitem__(self, name: Position) -> Array:
         key = channel_key(name)
         require(self.streamed_to is None, "channel", key, "", "went to Recorder.sink: its pieces hold the history")
-        require_name(key, self.channels, "channel")
+        if key not in self.channels:
+            kept = ", ".join(map(repr, self.channels))
+            more = f"to record more, run with fi.Recorder(channels=({kept}, ...)): names given replace the default ones"
+            require(False, "channel", key, "", f"{suggestion(key, self.channels)}; {more}")
         return self.channels[key]
 
     @property

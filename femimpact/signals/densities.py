@@ -198,7 +198,8 @@ def spectrum(
 
     A density is the average over Hann windows that overlap by half, each without its mean (Welch, 1967); its integral
     is the mean square. The interval is that of a stationary normal process. Amplitudes are those of one Hann window, by
-    default over the complete base cycles in the last third of the run: a sine of amplitude A reads A.
+    default over the complete base cycles in the last third of the run: a sine of amplitude A reads A. Of a free decay
+    `start=0.0` takes the whole run, of which the last third may be all but nothing.
 
     The acceleration beside rigid contacts lacks the impulses of the impacts: its spectrum is taken from that of the
     velocity, times (2 pi f)^2 as a density. The velocity has to be recorded too. Aliases of its jumps are taken out of

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.arrays import Array
-from femimpact.errors import Fault, InputError, check_fields, checked, name_text, quantity, require, require_type
+from femimpact.errors import Fault, InputError, check_fields, checked, name_text, quantity, require, require_type, takes
 from femimpact.units import number_text
 
 
@@ -230,8 +230,9 @@ class Beam:
         return f"Beam: {self.length:g} m, {self.mass:.4g} kg, {parts}: {names}"
 
     @classmethod
+    @takes()
     def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
-        """A beam of one rectangular section; lengths in m, modulus in Pa, density in kg/m^3."""
+        """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3."""
         return cls((Segment(length, young_modulus, density, width, thickness),))
 
     @classmethod

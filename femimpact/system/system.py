@@ -271,8 +271,9 @@ class System:
         rows = {name: checked_row(f"points.{name}", row, dofs) for name, row in points.items()}
         dense = {name: matrix.toarray() for name, matrix in matrices.items()}
         definite_factor("M", dense["M"], strictly=True)
-        definite_factor("C", dense["C"])
+        # before C, which may be a multiple of K
         factor, rank = definite_factor("K", dense["K"])
+        definite_factor("C", dense["C"])
         load = dense["M"].sum(axis=1) if base_load is None else checked_row("base_load", base_load, dofs)
         places, shapes = checked_shapes(nodes, expansion, dofs)
         rigid = np.linalg.solve(dense["M"], load)

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femimpact.app.parametric.best_design import MORE, AxisMargin, BestCase, BestDesign
+from femimpact.app.parametric.best_design import MORE, AxisMargin, BestCase, BestDesign, limit_words
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, kind_of, quantity, require, suggestion, warns
 from femimpact.errors import checked as checked_value
-from femimpact.figures.study_labels import BESIDE, STATISTICS, axis_names
-from femimpact.units import unit_text
+from femimpact.figures.study_labels import BESIDE, STATISTICS, axis_names, axis_words
+from femimpact.units import value_text
 
 if TYPE_CHECKING:
     import xarray
@@ -379,7 +379,7 @@ class _Designs:
         for limit in self.limits.values():
             kept = kept[limit.worst[kept] <= limit.bound]
         if not kept.size:
-            reason = reason or f"{UNMET}{self._nearest(rows)}"
+            reason = reason or f"{UNMET}: {self._nearest(valued)}"
             return BestDesign(at, without_value=without, reason=reason)
         # of equal values the first, by the values of the axes
         row = int(kept[np.argmin(self.value[kept])])
@@ -447,22 +447,28 @@ class _Designs:
 
     def ranked(self, count: int) -> list[dict[str, Any]]:
         """Values of the axes of the best rows of all levels; where none keeps the limits, of those nearest to them."""
-        rows = np.flatnonzero(self.has_value)
+        nearest = self._by_limits(np.flatnonzero(self.has_value))[:count]
+        return [self._told(self.first[row], [*self.given, *self.chosen]) for row in nearest]
+
+    def _by_limits(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows that have a value by the largest share by which they pass a limit, of equal shares by their values."""
         beyond = np.zeros(rows.size)
         for limit in self.limits.values():
             beyond = np.maximum(beyond, np.maximum(limit.worst[rows] - limit.bound, 0.0) / (abs(limit.bound) or 1.0))
-        order = np.lexsort((self.value[rows], beyond))[:count]
-        return [self._told(self.first[row], [*self.given, *self.chosen]) for row in rows[order]]
+        return rows[np.lexsort((self.value[rows], beyond))]
 
     def _nearest(self, rows: NDArray[np.int64]) -> str:
-        """The smallest worst value of each limited measure, in words."""
-        told = []
-        for name, limit in self.limits.items():
-            nearest = limit.sign * float(limit.worst[rows][self.has_value[rows]].min())
-            most = unit_text(limit.sign * limit.bound, self.unit(name))
-            side = "best" if limit.sign < 0 else "least"
-            told.append(f"{name} is {unit_text(nearest, self.unit(name))} at {side}, its limit {most}")
-        return f": {', '.join(told)}"
+        """The row whose limit that is passed most is passed least, with its limited measures, in words."""
+        row = self._by_limits(rows)[0]
+        axes = self._told(self.first[row], self.chosen)
+        at = ", ".join(
+            f"{axis_words(self.dataset, axis)} {value_text(one, self.unit(axis))}" for axis, one in axes.items()
+        )
+        limited = (
+            limit_words(name, limit.sign * float(limit.worst[row]), limit.sign * limit.bound, self.unit(name))
+            for name, limit in self.limits.items()
+        )
+        return f"the nearest, whose largest share of a limit is smallest, has {at}, with {' and '.join(limited)}"
 
     def _margins(self, row: int, rows: NDArray[np.int64]) -> Iterator[AxisMargin]:
         """How far each axis of numbers may be off.

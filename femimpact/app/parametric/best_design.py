@@ -183,11 +183,22 @@ def design_lines(best: BestCase, design: BestDesign) -> Iterator[str]:
         yield f"{label_of(best)}{level}: none, {design.reason}"
     else:
         value = unit_text(design.value, best.units[best.measure])
-        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}"
+        yield f"{label_of(best)}{level}: {value} at {told(best, design.values)}{limited_words(design)}"
         yield from (f"  {line}" for line in design_notes(best, design))
     if design.without_value:
         named = [f"{told(best, values)}: {why}" for values, why in design.without_value]
         yield f"  without a value: {_first_of(named)}"
+
+
+def limit_words(name: str, value: float, limit: float, unit: str) -> str:
+    """A value beside its limit, and the share of the limit that it uses."""
+    used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
+    return f"{name} {unit_text(value, unit)}, {LIMIT} {unit_text(limit, unit)}{used}"
+
+
+def limited_words(design: BestDesign) -> str:
+    """How many designs do not keep the limits; empty where all do."""
+    return " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
 
 
 LIMIT, WORST_AT = "limit", "worst at"
@@ -206,12 +217,10 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             for end in [design.worst_bounds.get(axis)]
         ]
         yield f"{WORST_AT} {', '.join(places)}"
+    if best.measure == "peak_ratio" and "base.frequency" in best.worst_over:
+        yield "peak_ratio compares cases of one frequency, and is near 1 off resonance: peak is the largest motion"
     for name, value in design.limited.items():
-        limit = best.limits[name]
-        used = f", {number_text(100.0 * value / limit, 3)} % of it" if limit > 0.0 else ""
-        yield f"{name} {unit_text(value, best.units[name])}, {LIMIT} {unit_text(limit, best.units[name])}{used}"
-    if design.beyond[0]:
-        yield "{} of {} designs do not keep the limits".format(*design.beyond)
+        yield limit_words(name, value, best.limits[name], best.units[name])
     if math.isfinite(design.low):
         low, high = (unit_text(value, best.units[best.measure]) for value in (design.low, design.high))
         alike = [

@@ -218,7 +218,7 @@ def _drive(study: ParameterStudy) -> str:
     if isinstance(study.study, Study) and not study.has_cycle:
         return ", with ".join(drive_words(study.study.excitation))
     varied = {place.field for place in study.places if place.owner == "base"}
-    units = {"amplitude": "m", "frequency": "Hz"}
+    units = {"amplitude": "m", "acceleration": "m/s^2", "frequency": "Hz"}
     fixed = [
         f"{name} {unit_text(study.base[name], unit)}"
         for name, unit in units.items()
@@ -229,11 +229,12 @@ def _drive(study: ParameterStudy) -> str:
 
 
 def level_remarks(study: ParameterStudy) -> list[str]:
-    """That cases do not have the acceleration of [sweep], where it has one and no axis is the amplitude."""
+    """That cases do not have the acceleration of [sweep], where it has one and no axis is the level."""
     plan: Any = getattr(study.study, "sweep", None)
-    if plan is None or plan.acceleration is None or any(place.path == "base.amplitude" for place in study.table.places):
+    levels = {"base.amplitude", "base.acceleration"}
+    if plan is None or plan.acceleration is None or any(place.path in levels for place in study.table.places):
         return []
-    return [f"the acceleration of [sweep] is not that of the cases: base.amplitude is {study.base['amplitude']:g} m"]
+    return ["the acceleration of [sweep] is not that of the cases, which have the level of [base]"]
 
 
 def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:

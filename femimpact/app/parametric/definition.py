@@ -95,7 +95,8 @@ class ParameterStudy:
     def __post_init__(self) -> None:
         check_fields(self)
         known = isinstance(self.study, (Study, System)) or (callable(self.study) and not isinstance(self.study, type))
-        require(known, "study", kind_of(self.study), "", "must be a Study, a System or a function of values")
+        of = " (of a Structure fi.reduce(fi.assemble(structure, elements=40), modes=6))"
+        require(known, "study", kind_of(self.study), "", f"must be a Study, a System{of} or a function of values")
         if self.method is not None:
             require_method(self.method)
         allowed = (
@@ -243,13 +244,16 @@ class ParameterStudy:
 
     @property
     def base(self) -> dict[str, Any]:
-        """Frequency, amplitude, phase and start of the base where no axis gives them; None is not known."""
+        """Frequency, level, phase and start of the base where no axis gives them; None is not known."""
         if not self.has_cycle:
             return {}
         given: Any = self.study
         sine, start = (given.sine, given.start) if isinstance(given, Study) else (self.excitation, "base")
-        numbers = {"frequency": None, "amplitude": None, "phase": 0.0}
-        return {name: getattr(sine, name, default) for name, default in numbers.items()} | {"start": start}
+        levels = [path for path in ("base.amplitude", "base.acceleration") if path in self._axes]
+        by = levels[0].removeprefix("base.") if levels else getattr(sine, "by", "amplitude")
+        level = getattr(sine, "level", None) if getattr(sine, "by", by) == by else None
+        numbers = {"frequency": getattr(sine, "frequency", None), by: level, "phase": getattr(sine, "phase", 0.0)}
+        return numbers | {"start": start}
 
     @property
     def observed(self) -> Position:
@@ -271,6 +275,9 @@ class ParameterStudy:
             unknown_path(path, self.known, isinstance(self.study, System)) for path in axes if path not in self.known
         ]
         for place in (self.known[path] for path in axes if path in self.known):
+            of_start = place.owner == "start" or (place.owner, place.unit) == ("base", "")
+            if of_start and bool(getattr(self.study, "begins", ())):
+                faults.append(Fault(place.path, None, "", "must not be an axis beside [[start]]"))
             if place.owner == "start" and self.starts > 1:
                 allowed = f"must not be an axis with starts = {self.starts}: either gives the balls their places"
                 faults.append(Fault(place.path, None, "", allowed))
@@ -284,6 +291,8 @@ class ParameterStudy:
                 faults += self._faults_of(place, levels)
         if faults:
             raise InputError(faults)
+        both = {"base.amplitude", "base.acceleration"} <= set(axes)
+        require(not both, "base.acceleration", None, "", "must be given alone: base.amplitude is an axis too")
         for name, value in self.base.items():
             allowed = "must be given: by an axis, or by excitation = Sine(...)"
             require(value is not None or f"base.{name}" in axes, f"base.{name}", None, "", allowed)

@@ -194,7 +194,7 @@ def _spec(name: str) -> ModuleSpec | None:
 NUMERICAL = ("contact", "excitation", "fem", "integrators", "response", "structure", "system", "app/parametric")
 """Folders whose sources decide the numbers."""
 
-BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/drives.py")
+BESIDE = ("app/study/study.py", "app/study/parameter_plan.py", "app/study/drives.py", "app/study/start.py")
 """Files of other folders whose sources do."""
 
 WITHOUT = ("text", "path", "as_read", "plan", "output", "sweep", "orbits")

@@ -72,7 +72,7 @@ PARTS = {
 OF_BALL = ("mass", "free_stiffness", "acceleration", "free_damping")
 """Numbers of a ball in a system; its acceleration there includes gravity."""
 
-BASE = {"frequency": "Hz", "amplitude": "m", "phase": "rad", "start": ""}
+BASE = {"frequency": "Hz", "amplitude": "m", "acceleration": "m/s^2", "phase": "rad", "start": ""}
 
 FIXED = "does not follow from the contacts, the excitation and the start, which are all that a System leaves open"
 
@@ -257,13 +257,8 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
-    if path == "base.acceleration" and "base.amplitude" in known:
-        words = "is for a sweep alone: a study varies base.amplitude, the acceleration over (2 pi base.frequency)^2"
-        return Fault(path, None, "", words)
-    if path.startswith("base.") and {one for one in known if one.startswith("base.")} == {
-        "base.history",
-        "base.initial",
-    }:
+    of_base = {one for one in known if one.startswith("base.")}
+    if path.startswith("base.") and of_base == {"base.history", "base.initial"}:
         return Fault(path, None, "", "needs a motion of the base, and [base] of this study is of kind 'rest'")
     return Fault(path, None, "", suggestion(path, known))
 

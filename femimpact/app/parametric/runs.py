@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.measures import INSTANTS, Measure, Source, columns_of, of_history, of_response
 from femimpact.app.parametric.paths import Place, Stage, study_with
+from femimpact.app.study.start import state_of
 from femimpact.app.study.study import Study
 from femimpact.arrays import Array, Integers
 from femimpact.contact.law import ContactLaw
@@ -146,16 +147,18 @@ class _Equations:
     laws: tuple[ContactLaw, ...]  # of the pairs
     law_values: tuple[Any, ...]  # those that axes give to the laws
     method: Method
-    frame: Any  # of the start; None without such an axis
+    initial: State
 
     @property
     def key(self) -> Any:
         """Equal for cases that may run together: by a method with a step those of one system."""
+        # what is displaced or moves has the dofs of its system
+        start = self.initial.frame, self.initial.equilibrium, None if self.initial.is_at_rest else id(self.system)
         if step_of(self.method) is not None:
-            return id(self.system), self.frame, _key(self.method)
+            return id(self.system), start, _key(self.method)
         pairs = self.system.contacts
         return (
-            self.system.dofs, self.system.is_diagonal, self.frame, _key(self.method),
+            self.system.dofs, self.system.is_diagonal, start, _key(self.method),
             tuple((pair.name, pair.is_stop, pair.gaps, pair.fixed_to, _key(pair.law)) for pair in pairs),
         )  # fmt: skip
 
@@ -182,9 +185,12 @@ def equations_of_case(study: ParameterStudy, case: int, of_system: dict[Any, Met
         method = study.systems.method_of(with_checked_pairs(system, contacts) if changes else system, values)
         if step_of(method) is None:
             known[key] = method
-    frame = next((value for place, value in values.items() if place.path == "base.start"), None)
+    frame = next((value for place, value in values.items() if place.path == "base.start"), study.base["start"])
+    begins = getattr(study.study, "begins", ())
+    rest = State.static() if frame == "static" else State.at_rest(frame)
+    initial = state_of(begins, system) if begins else rest
     law_values = tuple(study.table.value(axis, case) for axis, *_ in _axes_of_laws(study))
-    return _Equations(values, system, tuple(pair.law for pair in contacts), law_values, method, frame)
+    return _Equations(values, system, tuple(pair.law for pair in contacts), law_values, method, initial)
 
 
 def _axes_of_laws(study: ParameterStudy) -> list[tuple[int, str, str]]:
@@ -229,10 +235,12 @@ def _runs(
 ) -> SineCases:  # fmt: skip
     """The runs of some cases with one system, start by start of each case."""
     base, starts, balls = study.base, study.starts, len(equations.system.balls)
+    by = "acceleration" if "acceleration" in base else "amplitude"
     frequency, amplitude, phase = (
-        _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", "amplitude", "phase")
+        _column(study, f"base.{name}", cases, base[name]) for name in ("frequency", by, "phase")
     )
-    frame = base["start"] if equations.frame is None else equations.frame
+    if by == "acceleration":
+        amplitude = amplitude / (2.0 * np.pi * frequency) ** 2
     gaps = _gaps(study, equations.system, cases)
     if starts > 1:
         draws = unit_draws(starts, balls, study.seed)
@@ -246,7 +254,7 @@ def _runs(
         gaps=np.repeat(gaps, starts, axis=0),
         laws=laws,
         law_of=np.repeat(law_of, starts),
-        initial=State.static() if frame == "static" else State.at_rest(frame),
+        initial=equations.initial,
         ball_displacement=placed.reshape(cases.size * starts, balls),
         ball_velocity=moving.reshape(cases.size * starts, balls),
         cycles=np.full(cases.size * starts, study.dwell),
@@ -323,7 +331,7 @@ def _placed_balls(
     left = np.isnan(places)
     if left.all() or not (are_drawn or left.any()):
         return places
-    if not initial.is_static_on(system):
+    if initial.is_at_rest and not initial.is_static_on(system):
         return np.where(left, 0.0, places)
     u, _, y, _ = initial.relative_to_base(system, base)
     if are_drawn:
@@ -336,8 +344,8 @@ def _with_placed_balls(runs: SineCases, common: System, study: ParameterStudy) -
     starts, are_drawn = study.starts, study.starts > 1
     places = runs.ball_displacement.reshape(runs.frequency.size // starts, starts, len(common.balls)).copy()
     left = np.isnan(places[:, 0])
-    is_static = runs.initial.equilibrium | (runs.gaps[::starts] < 0.0).any(axis=(1, 2))
-    for case in np.flatnonzero(is_static if are_drawn else left.any(axis=1) & ~left.all(axis=1)).tolist():
+    is_bent = (not runs.initial.is_at_rest) | runs.initial.equilibrium | (runs.gaps[::starts] < 0.0).any(axis=(1, 2))
+    for case in np.flatnonzero(is_bent if are_drawn else left.any(axis=1) & ~left.all(axis=1)).tolist():
         # a static state that cannot be found is what the run itself fails with
         with suppress(FemimpactError):
             system = with_contacts_of(runs.system(case * starts, common), runs, case * starts)
@@ -395,7 +403,7 @@ def _start_of_history(
     study: ParameterStudy, system: System, changed: Study, case: int, start: int
 ) -> State:  # fmt: skip
     """The start of a case: that of its base, with the balls where the axes or the draws have them."""
-    state, base = changed.initial, changed.excitation
+    state, base = changed.initial_on(system), changed.excitation
     if study.starts > 1:
         draws = unit_draws(study.starts, len(system.balls), study.seed)[start]
         return drawn_state(system, state, base, changed.history_duration, draws)

@@ -14,13 +14,15 @@ from femimpact.app.results.branch_file import FollowedBranches
 from femimpact.app.results.picture_data import Run, SweptCurves
 from femimpact.app.results.result_directory import FILES
 from femimpact.app.study.findings import START_WORDS, Findings, history_words
+from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.excitation.drives import drive_words
 from femimpact.figures.study_labels import case_columns, in_shown_units
+from femimpact.orbits.figures import stable_ranges
 from femimpact.response.impacts import impact_columns
 from femimpact.signals.decay import DecayEstimate
 from femimpact.sweep.curve import ONE_START, FrequencyResponse
-from femimpact.units import parameter_text, unit_text
+from femimpact.units import parameter_text, ranges_text, unit_text
 
 # ---- response curves -------------------------------------------------------------------------------
 
@@ -126,14 +128,14 @@ def branch_table(followed: FollowedBranches, file: str = "") -> Table:
     rows = tuple(
         (
             number, origin, cycle, parameter_text(branch.values.min(), branch.unit),
-            parameter_text(branch.values.max(), branch.unit), len(branch), int(np.count_nonzero(branch.is_stable)),
-            *branch.end,
+            parameter_text(branch.values.max(), branch.unit), len(branch),
+            ranges_text(stable_ranges(branch), branch.unit) or "nowhere", *branch.end,
         )
         for number, (branch, origin, cycle) in enumerate(
             zip(followed.branches, followed.origins, followed.cycles, strict=True), 1
         )
     )  # fmt: skip
-    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable points", "first end", "last end")
+    header = ("branch", "followed from", "cycles", "from", "to", "points", "stable", "first end", "last end")
     return Table("The branches", header, rows, file)
 
 
@@ -153,6 +155,9 @@ def beside(record: Any, folder: bool = False) -> Iterator[tuple[str, Element]]:
         yield "response", element("p", dwell_words(next(iter(record.curves.values()))))
     elif isinstance(record, Run):
         yield from (("drive", element("p", words)) for words in drive_words(record.whole.base))
+        if Rigid.name in record.whole.impacts.law.values():
+            words = "A rigid impact is an impulse without a force: a contact force is drawn only where bodies stick."
+            yield "motion", element("p", words)
         impacts = impact_table(*impact_columns(record.whole.impacts), file("impacts"))
         yield from () if impacts is None else [("impacts", table_element(impacts))]
     elif isinstance(record, ConvergenceTable):

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 import numpy as np
 
 from femimpact.app.parametric.best import UNMET, best_cases
-from femimpact.app.parametric.best_design import MOST_NAMED, BestCase, design_notes, label_of, more_designs, told
+from femimpact.app.parametric.best_design import (
+    MOST_NAMED,
+    BestCase,
+    design_notes,
+    label_of,
+    limit_words,
+    limited_words,
+    more_designs,
+    told,
+)
 from femimpact.app.report.page import Conclusion
 from femimpact.app.results.picture_data import ResultReading
 from femimpact.app.results.result_directory import FILES
@@ -23,6 +32,7 @@ from femimpact.app.study.findings import (
     Spread,
     history_words,
 )
+from femimpact.app.study.prepared import ROOT_STRESS
 from femimpact.excitation.drives import Rest
 from femimpact.figures.study_labels import axis_names, axis_words, measure_names, single_samples, value_words
 from femimpact.orbits.figures import MARKS, kind_words
@@ -35,6 +45,7 @@ from femimpact.units import (
     number_text,
     prefixed,
     quantity_text,
+    ranges_text,
     typeset_number,
     unit_text,
     unit_words,
@@ -67,8 +78,9 @@ def result_conclusions(
     """What is concluded from a directory of results, on its page and on the terminal alike."""
     columns, data = results.table(FILES["convergence_summary"].name), results.parameter_study
     accuracy, name = results.findings.accuracy, FILES["parameter_study"].name
+    chosen = None if results.study is None or results.study.plan is None else results.study.plan.best
     return (
-        *conclusions_of(results.findings),
+        *conclusions_of(results.findings, (None if chosen is None else chosen.limits) or {}),
         *(results.attempt("conclusions", lambda: convergence_conclusions(columns, accuracy)) or ()),
         *(() if data is None else results.attempt(name, lambda: study_conclusions(data, *best)) or ()),
     )
@@ -157,13 +169,22 @@ def result_warnings(results: ResultReading) -> tuple[str, ...]:
     return (*results.findings.warnings, *failures)
 
 
-def conclusions_of(findings: Findings) -> tuple[Conclusion, ...]:
-    """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them."""
+NO_LIMITS: Mapping[str, float] = {}
+
+
+def conclusions_of(findings: Findings, limits: Mapping[str, float] = NO_LIMITS) -> tuple[Conclusion, ...]:
+    """Conclusions of a summary: peaks, damping, regime, stresses, forces, frequencies, energy; what it has of them.
+
+    Stresses and moments stand beside the limits that the study gives them, by the names of their channels.
+    """
     return (
         *_peaks(findings),
         *_ratio(findings),
+        # of a sweep the cards have the stress, and the table the rest of its history
+        *(_stresses(findings, limits) if findings.sweep else ()),
         *_damping(findings),
         *_history(findings),
+        *(() if findings.sweep else _stresses(findings, limits)),
         *_contacts(findings),
         *_frequencies(findings),
         *_energy(findings),
@@ -176,12 +197,16 @@ def _orbits(findings: Findings) -> list[Conclusion]:
     orbits = findings.orbits
     if orbits is None or not orbits.branches:
         return []
-    stable = sum(1 for branch in orbits.branches if branch.stable_points)
+    ranges = {i: branch.stable for i, branch in enumerate(orbits.branches, 1) if branch.stable}
+    stable = [f"branch {i} {ranges_text(each, orbits.unit, 2)}" for i, each in ranges.items()]
+    where = f"stable: {'; '.join(stable[:MOST_NAMED])}" if stable else "no stable orbits"
+    if len(stable) > MOST_NAMED:
+        where += f"; and orbits of {len(stable) - MOST_NAMED} more branches"
     # two branches share the point at which they meet
     places = {(each.kind, f"{each.value:.9g}") for branch in orbits.branches for each in branch.bifurcations}
     kinds = Counter(kind for kind, _ in places)
     details = tuple(f"{kind_words(kind)}: {kinds[kind]}" for kind in MARKS if kind in kinds)
-    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {stable} of them with stable orbits"
+    note = f"over {orbits.parameter}, on {counted(orbits.modes, 'mode')}; {where}"
     return [Conclusion("Branches of periodic orbits", str(len(orbits.branches)), note=note, details=details)]
 
 
@@ -313,7 +338,7 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
 
 
 def _history(findings: Findings) -> Iterator[Conclusion]:
-    """Of a history: its kind of motion, where it has a cycle, the peak at the tip, and every stress and moment.
+    """Of a history: its kind of motion, where it has a cycle, and the peak at the tip.
 
     Over several starts each number is the median with its range.
     """
@@ -352,19 +377,43 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
     if without is not None:
         label, rms = f"{PEAK_OF_TIP} without {findings.carried}", history_words(None, without.rms, "m")
         yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
-    for name, channel in history.channels.items():
-        if channel.unit in ("Pa", "N m"):
-            spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
-            when = "" if spread else f", at {typeset_number(channel.time_of_largest)} s"
-            yield from _of_history(
-                findings,
-                history,
-                spread,
-                channel.largest_of_run,
-                name_words(name),
-                channel.unit,
-                note=f"largest of the run{when}",
-            )
+
+
+def _stresses(findings: Findings, limits: Mapping[str, float]) -> Iterator[Conclusion]:
+    """The largest of every stress and moment of a history, and that without what the structure carries.
+
+    On a sine of the base the latter is of the steady motion: at the peak of the sweep, else at the history's frequency.
+    """
+    history, starts, carried = findings.history, findings.history_starts, findings.carried
+    empty, without = findings.sweep.get("empty"), findings.history_without
+    carries = bool(findings.contacts) or "absorber" in carried
+    cycle = None if history is None else history.frequency
+    at = "" if cycle is None else f" at {typeset_number(cycle)} Hz"
+    for name, channel in {} if history is None else history.channels.items():
+        if history is None or channel.unit not in ("Pa", "N m"):
+            continue
+        label = f"Largest {name_words(name)}"
+        spread = None if starts is None else starts.channels.get(name, {}).get("largest_of_run")
+        when = "" if spread else f", {typeset_number(channel.time_of_largest)} s after its start"
+        with_it = f"{label} with {carried}" if carries else label
+        note = f"of the whole history{at}{when}"
+        size, unit = channel.largest_of_run if spread is None else spread.highest, channel.unit
+        beside = (limit_words(name, size, limits[name], unit),) if name in limits else ()
+        yield from _of_history(
+            findings, history, spread, channel.largest_of_run, with_it, unit, note=note, details=beside
+        )
+        if without is not None and name in without.channels:
+            bare = without.channels[name].largest_of_run
+            yield number_conclusion(f"{label} without {carried}", bare, channel.unit, note="of the whole history")
+    label, at_history = f"Largest {name_words(ROOT_STRESS)} without {carried}", None
+    if history is not None and _known(history.root_stress_without):
+        at_history = history.root_stress_without
+    if empty is not None and _known(empty.root_stress):
+        note = f"at {typeset_number(empty.peak_frequency)} Hz, where the peak of the sweep is"
+        details = (f"{unit_text(at_history, 'Pa')}{at}, steady",) if at_history is not None else ()
+        yield number_conclusion(label, empty.root_stress, "Pa", note=note, details=details)
+    elif at_history is not None:
+        yield number_conclusion(label, at_history, "Pa", note=f"steady{at}")
 
 
 def _contacts(findings: Findings) -> Iterator[Conclusion]:
@@ -564,10 +613,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        limited = (
-            " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
-        )
-        note = "; ".join(filter(None, (f"{level}at {told(best, design.values, names)}{limited}", rest, more)))
+        at = f"{level}at {told(best, design.values, names)}{limited_words(design)}"
+        note = "; ".join(filter(None, (at, rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 

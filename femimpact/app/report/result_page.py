@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femimpact.app.parametric.best_design import LIMIT, WORST_AT, BestCase, marks_of, worst_over_axes
+from femimpact.app.parametric.best_design import (
+    LIMIT,
+    WORST_AT,
+    BestCase,
+    limited_words,
+    marks_of,
+    told,
+    worst_over_axes,
+)
 from femimpact.app.parametric.dataset import read_manifest
 from femimpact.app.report.markup import Element, element
 from femimpact.app.report.page import (
@@ -30,14 +38,15 @@ from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     answer_of,
     best_of,
+    factor_words,
     result_conclusions,
     result_warnings,
     study_lead,
     study_missing,
     study_versions,
 )
-from femimpact.app.report.structure_drawing import structure_element, structure_words
-from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, sections_of, spectra_of
+from femimpact.app.report.structure_drawing import OF_FILE, structure_element, structure_words
+from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, one_panel, sections_of, spectra_of
 from femimpact.app.results.picture_data import ResultReading, read_convergence, read_results
 from femimpact.app.results.result_directory import (
     FILES,
@@ -54,16 +63,17 @@ from femimpact.app.study.findings import START_WORDS, Findings, joined
 from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import require, require_path
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
 from femimpact.orbits.figures import kind_words
 from femimpact.response.regimes import FREE_DECAY
-from femimpact.scene.placed import placed_structure
+from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.transfer import transfer_function
 from femimpact.system.modes import mode_columns, solve_modes
 from femimpact.system.system import without_impactors
-from femimpact.units import PARAMETER_DIGITS, counted, unit_text
+from femimpact.units import PARAMETER_DIGITS, counted, name_words, unit_text
 
 if TYPE_CHECKING:
     import xarray
@@ -128,14 +138,21 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     drawing = None
     if structure is not None and system is not None:
         varied = {} if study is None or results.parameter_study is None else _varied(study)
+        shown, whose = results.best_design or (study, OF_FILE)
+        places = system if shown is study else drawn_system(shown.structure, results.findings.points)
         drawing = results.attempt(
-            "drawing of the structure", lambda: structure_element(placed_structure(structure, system), varied)
+            "drawing of the structure",
+            lambda: structure_element(placed_structure(shown.structure, places), varied, whose),
         )
     best = best_of(results)
     conclusions = result_conclusions(results, best)
     studied, about = _of_parameter_study(results)
-    studied += results.attempt("what the best case is worth", lambda: list(_worth(results, best[0]))) or []
+    worth = results.attempt("what the best case is worth", lambda: _worth(results, best[0]))
+    lines, answer = worth or ([], "")
+    studied += lines
     records, refused = records_of(results, best[0])
+    if short and results.run is not None:
+        drawn = results.attempt("history", partial(one_panel, results.run)) or drawn
     beside = beside_of(results, records) | {"spectra": [element("p", text) for text in refused]}
     sections = sections_of(records, beside, miss=results.miss, drawn=drawn)
     first = [section for section in sections if section.key == "best"]
@@ -156,7 +173,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     page = Page(
         title=given_title or title,
         by=by,
-        answer=answer_of(findings, conclusions),
+        answer=answer or answer_of(findings, conclusions),
         foot=_foot(results, joined(about, findings)),
         lead=(*([f"{title}."] if given_title else []), *studied, *_lead(study, findings)),
         drawing=drawing,
@@ -266,21 +283,38 @@ def worst_words(data: xarray.Dataset, case: BestCase | None) -> Iterator[str]:
         yield f"The worst counts over {' and '.join(axis_words(data, axis) for axis in case.worst_over)}."
 
 
-def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> Iterator[str]:
-    """Over which axes the worst counts, and the worst peak without balls beside that of the best case."""
-    data, study = results.parameter_study, results.study
-    case = next(iter(best.values()), None)
+def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> tuple[list[str], str]:
+    """The worst peak without balls beside that of the best case, and the best case in a sentence; "" of several."""
+    data, case = results.parameter_study, next(iter(best.values()), None)
     if data is None or case is None:
-        return
-    yield from worst_words(data, case)
-    design, axes = case.designs[0], set(axis_names(data))
+        return [], ""
+    (design, *others), names = case.designs, {axis: axis_words(data, axis) for axis in axis_names(data)}
+    words = name_words(case.measure)
+    if case.worst_over:
+        words = f"worst {words} over {' and '.join(names[axis] for axis in case.worst_over)}"
+    known = None if design.reason else _peak_without(results, case)
+    lines, factor = [*worst_words(data, case)], ""
+    if known is not None:
+        sentence, ratio = known
+        lines, factor = [*lines, sentence], f", {factor_words(ratio)} than without {results.findings.carried}"
+    if others or design.reason:
+        return lines, ""
+    value = unit_text(design.value, case.units[case.measure])
+    limited = limited_words(design).replace(" within", ", within")
+    return lines, f"Best case: {told(case, design.values, names)}; its {words} is {value}{factor}{limited}."
+
+
+def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] | None:
+    """The largest steady peak without balls, in a sentence, and over that of the best case; None where not known."""
+    data, study, design = results.parameter_study, results.study, case.designs[0]
+    axes = set() if data is None else set(axis_names(data))
     of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
-    if study is None or case.measure != "peak" or design.reason or not of_balls:
-        return
+    if data is None or study is None or case.measure != "peak" or not of_balls:
+        return None
     sine, system, place = study.excitation, build_systems(study)[1], data.attrs["place"]
     bare = without_impactors(system)
     if not system.balls or bare.contacts or not isinstance(sine, Sine):
-        return
+        return None
     f = np.unique(data[FREQUENCY].to_numpy()) if FREQUENCY in axes else np.array([sine.frequency])
     # a grid may step over a resonance, of which the motion without balls has a closed form
     natural = solve_modes(bare, bare.dofs).natural_frequency
@@ -289,10 +323,8 @@ def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> Iterator[str
     peaks = sine.amplitude * np.abs(steady[place])
     largest, value = int(np.argmax(peaks)), float(data["peak"].to_numpy().flat[design.case])
     over = f"from {f[0]:.4g} to {f[-1]:.4g} Hz" if f.size > 1 else "there"
-    yield (
-        f"Without {results.findings.carried} the largest steady peak {over} is {unit_text(peaks[largest], 'm')}, at "
-        f"{f[largest]:.4g} Hz: {peaks[largest] / value:.3g} times that of the best case."
-    )
+    without = f"Without {results.findings.carried} the largest steady peak {over} is {unit_text(peaks[largest], 'm')}"
+    return f"{without}, at {f[largest]:.4g} Hz.", peaks[largest] / value
 
 
 FREQUENCY = "base.frequency"
@@ -330,15 +362,19 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
         return [f"{problem}." for problem in findings.problems]
     sentences = [f"History: {study.history_words}." if findings.history is not None else ""]
     base = ""
-    # of a study over the level or the frequency its first sentence has the drive
-    if study.kind == "sine" and not findings.problems and study.plan is None:
+    # a parameter study may vary the level: its first sentence has the drive
+    ran = findings.history is not None or bool(findings.sweep)
+    if study.kind == "sine" and (ran or study.plan is None):
         reached = unit_text(study.sine.amplitude * (2.0 * math.pi * study.sine.frequency) ** 2, "m/s^2")
         base = f" The base moves by {1e3 * study.sine.amplitude:.4g} mm, with {reached} at {study.sine.frequency:g} Hz."
+    elif ran:
+        sentences.append(f"Drive: {'. '.join(drive_words(study.excitation))}.")
     if findings.sweep and study.sweep is not None:
         plan = study.sweep
         sentences.append(
             f"Sweep: {plan.start:g} to {plan.stop:g} Hz at {plan.points} points, {plan.refine} more around each "
-            f"resonance; {plan.cycles} cycles at each frequency."
+            f"resonance; {plan.cycles} cycles at each frequency"
+            f"{_sweep_level(study)}."
         )
     if findings.orbits is not None and study.orbits is not None:
         low, high = (unit_text(value, findings.orbits.unit) for value in study.orbits.range)
@@ -349,6 +385,15 @@ def _lead(study: Study | None, findings: Findings) -> list[str]:
     steps = f", step {1e3 * findings.step:.4g} ms" if findings.step is not None else ""
     sentences.append(f"Method: {study.method.get('name', 'newmark')} {kept}{steps}.{base}")
     return [text for text in sentences if text]
+
+
+def _sweep_level(study: Study) -> str:
+    """The level of a sweep that is given as an acceleration."""
+    level = study.sweep_level["acceleration"]
+    if level is None:
+        return ""
+    ends = [level] if isinstance(level, (int, float)) else [one for _, one in level]
+    return f"; the base accelerates by {' to '.join(unit_text(one, 'm/s^2') for one in dict.fromkeys(ends))}"
 
 
 # ---- records ---------------------------------------------------------------------------------------
@@ -458,7 +503,8 @@ def _motion(results: ResultReading) -> Beside:
 
 def _boxes(results: ResultReading) -> Beside:
     """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
-    balls = [one for one in results.study.structure.impactors if one.material] if results.study else []
+    study, whose = results.best_design or (results.study, "by the gaps of the study file")
+    balls = [one for one in study.structure.impactors if one.material] if study else []
     impacts = results.table(FILES["impacts"].name) if balls else None
     rows = []
     for ball in balls:
@@ -467,10 +513,13 @@ def _boxes(results: ResultReading) -> Beside:
         force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
         sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
         rows.append((ball.name, ball.material, ball.wall, *sizes, float(speed), force, 1e-6 * pressure))
+    # without impacts, or without a wall, a column has nothing
     names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
     of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
     header = ("ball", "material", "wall", *names, *of_impact)
-    return [Table("Balls and their boxes, by the gaps of the study file", header, tuple(rows))] if rows else []
+    kept = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
+    cells = tuple(tuple(row[i] for i in kept) for row in rows)
+    return [Table(f"Balls and their boxes, {whose}", tuple(header[i] for i in kept), cells)] if rows else []
 
 
 def _player(results: ResultReading) -> Beside:
@@ -564,7 +613,7 @@ def about_section(findings: Findings, study: Study | None) -> Section:
             rows.append(("its sources (SHA-256)", str(core["sources"])))
     rows.append(("seeds", "; ".join(findings.seeds) or "none: no random numbers were used"))
     if study is not None:
-        rows.append(("start", START_WORDS[study.start]))
+        rows.append(("start", START_WORDS[study.start] + ", but for [[start]]" * bool(study.begins)))
     pairs = [part for name, value in rows for part in (element("dt", name), element("dd", value))]
     return Section("versions", "Versions and seeds", (element("dl.about", *pairs),))
 

@@ -25,9 +25,10 @@ from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, HammerBlow, Rest
 from femimpact.excitation.harmonic import SteppedSine
 from femimpact.excitation.random_base import RandomBase
+from femimpact.excitation.records import RecordedBase
 from femimpact.excitation.shock import Shock
 from femimpact.figures.drawing import figure_of, panels
-from femimpact.figures.histories import MOST_LINES, drawn_channels
+from femimpact.figures.histories import MOST_LINES, drawn_channels, one_channel
 from femimpact.figures.studies import mark_best
 from femimpact.figures.study_labels import BestMarks, axis_words, measure_names
 from femimpact.orbits.branch import Branch
@@ -36,7 +37,7 @@ from femimpact.response.response import Response
 from femimpact.signals.decay import DecayEstimate, identify_decay
 from femimpact.signals.densities import Spectrum, drive_history, remarks, spectrum
 from femimpact.signals.estimates import measured_transfer
-from femimpact.signals.shock_response import ShockResponseSpectrum, shock_response_spectrum
+from femimpact.signals.shock_response import FOLLOWED, ShockResponseSpectrum, shock_response_spectrum
 from femimpact.signals.transfer import TransferFunction
 from femimpact.units import counted
 
@@ -92,6 +93,10 @@ def spectra_of(
         return [], [words]
     if isinstance(run.base, Shock):
         f = np.geomspace(0.05 / run.base.duration, 50.0 / run.base.duration, 60)
+        return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
+    if isinstance(run.base, RecordedBase):
+        # from a period of the whole record to where straight lines between its samples are still the motion
+        f = np.geomspace(1.0 / (run.base.samples.size * run.base.interval), FOLLOWED / run.base.interval, 60)
         return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
     history, refused = drive_history(run), list[str]()
     found = list[DecayEstimate | Spectrum | TransferFunction | ShockResponseSpectrum]()
@@ -223,7 +228,7 @@ VIEWS = (
     View(
         "motion", Run, "phase_portrait", file="history",
         figure=lambda run: figures.phase_portrait(run.end, phase=None, ax=OFF_SCREEN),
-        when=lambda run: run.end is not None and bool(run.end.system.balls),
+        when=lambda run: run.end is not None and bool(run.end.system.contacts),
     ),
     View(
         "energy", Run, "energy", lambda run: figures.energies(run.whole, OFF_SCREEN),
@@ -345,6 +350,16 @@ def _element_of(one: Picture, prefix: str, miss: Callable[[str], object] | None)
         if miss is not None and not isinstance(error, InputError):
             miss(f"{one.name}: {reason_of(error)}")
         return element("p", f"{one.title}: not drawn, for {reason_of(error)}")
+
+
+def one_panel(run: Run) -> Mapping[str, Element]:
+    """The first displacement over the whole run, as the only picture of a history; {} without one."""
+    # the tip is the first that a run keeps; of a structure without one its first place
+    place = next((name for name, unit in run.whole.units.items() if unit == "m"), "")
+    if place not in run.whole.channels:
+        return NOT_DRAWN
+    axes = one_channel(run.whole, place, OFF_SCREEN)
+    return {"history": picture_element(axes, "history", f"Displacement of {place} over time")}
 
 
 def save_pictures(records: Iterable[Any], folder: Path) -> tuple[dict[str, Element], list[str]]:

@@ -210,6 +210,13 @@ class ResultReading:
         return self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
 
     @cached_property
+    def best_design(self) -> tuple[Study, str] | None:
+        """The study with the values of the best case, and whose they are; None without a best case."""
+        path = self.folder / FILES["best_study"].name
+        study = self.attempt(path.name, lambda: load_study(path)) if path.exists() else None
+        return None if study is None else (study, "of the best case")
+
+    @cached_property
     def findings(self) -> Findings:
         """What the summary says, without those of its keys that are damaged; nothing where there is none."""
         there = (self.folder / SUMMARY).exists()

@@ -291,10 +291,13 @@ LEVELS: dict[str, Any] = {
 }  # fmt: skip
 """Units and ranges of keys of which a drive makes its level, or that have a unit in texts."""
 
+OF_SINE: dict[str, Any] = {"acceleration": quantity("m/s^2", above=0.0)}
+"""Range of a level that is no table."""
+
 PARTS: Mapping[str, Kind] = {
     name: replace(kind, where=f"[base] of kind {name!r}", ranges={**LEVELS, **kind.ranges})
     for name, kind in {
-        "sine": Kind(Sine),
+        "sine": Kind(Sine, needs=("frequency",), ranges=OF_SINE),
         "chirp": Kind(Chirp, names={"rate": "kind"}),
         "stepped-sine": Kind(SteppedSine),
         "random": Kind(RandomBase),
@@ -312,7 +315,8 @@ OF_SIGNAL = _history("history", "initial", optional(SECONDS))
 
 BASES: Mapping[str, Kind] = {
     "sine": Kind(
-        Sine, ranges={"amplitude": quantity("m", above=0.0)}, beside=_history("duration", "start", SECONDS, 30.0)
+        Sine, ranges={"amplitude": quantity("m", above=0.0), **OF_SINE}, needs=("frequency",),
+        beside=_history("duration", "start", SECONDS, 30.0),
     ),
     "record": Kind(
         RecordedBase, recorded, without=("content", "folder"), beside=_history("duration", "start", optional(SECONDS)),
@@ -339,7 +343,9 @@ FORCES: Mapping[str, Kind] = {
         ranges={**LEVELS, **kind.ranges},
     )
     for name, kind in {
-        "sine": Kind(Sine, names={"force": "amplitude"}),
+        "sine": Kind(
+            Sine, names={"force": "amplitude"}, without=("level", "by", "acceleration"), needs=("force", "frequency")
+        ),
         "chirp": Kind(
             Chirp, names={"force": "amplitude", "rate": "kind"}, without=("level", "by", "acceleration"),
             needs=("force",),
@@ -386,6 +392,7 @@ def base_with(base: Any, key: str, value: Any) -> Any:
     Raises `InputError` if the value is out of range, or does not fit the others.
     """
     table = table_of(base, BASES)
+    table.pop(ALTERNATIVES.get(key, ""), None)
     if key.startswith("parts."):
         _, number, name = key.split(".")
         table["parts"][int(number) - 1][name] = value

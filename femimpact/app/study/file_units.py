@@ -195,6 +195,8 @@ def _read(key: str, value: Any, schema: Mapping[str, Any], readings: Readings) -
     items, unit, rows = schema.get("items", {}), schema.get("x-unit", ""), schema.get("x-rows", "")
     if isinstance(value, list) and ("properties" in items or "oneOf" in items):
         return [_read(f"{key}.{label_of(part, i)}", part, items, readings) for i, part in enumerate(value, 1)]
+    if isinstance(value, list) and "prefixItems" in items:
+        return [_read_row(key, row, items["prefixItems"], readings) for row in value]
     if isinstance(value, list) and rows and any(isinstance(row, list) for row in value):
         return _levels(key, value, rows, readings)
     if isinstance(value, str) and rows and value and (FILE.search(value) or not NUMBER.match(value)):
@@ -207,6 +209,13 @@ def _read(key: str, value: Any, schema: Mapping[str, Any], readings: Readings) -
     return readings.number(key, value, "" if schema.get("type") == "integer" else unit)
 
 
+def _read_row(key: str, row: Any, schemas: Sequence[Mapping[str, Any]], readings: Readings) -> Any:
+    """A row of numbers with the texts of each column read; what is no row stays."""
+    if not isinstance(row, list) or len(row) != len(schemas):
+        return row
+    return [_read(key, part, schema, readings) for part, schema in zip(row, schemas, strict=True)]
+
+
 def _properties(schema: Mapping[str, Any], value: Mapping[str, Any]) -> dict[str, Any]:
     """Keys of a table, of those of its forms that its kind, law or name leaves."""
     found: dict[str, Any] = {}
@@ -215,7 +224,7 @@ def _properties(schema: Mapping[str, Any], value: Mapping[str, Any]) -> dict[str
         fixed = {name: part["const"] for name, part in known.items() if "const" in part}
         if all(value.get(name, one) == one for name, one in fixed.items()):
             found = {**known, **found}
-    if "exponent" in found:
+    if {"exponent", "stiffness"} <= found.keys():
         exponent = Readings().number("exponent", value.get("exponent", 1.5), "1")
         exponent = f"{exponent:g}" if isinstance(exponent, (int, float)) else "1.5"
         found["stiffness"] = {**found["stiffness"], "x-unit": f"N/m^{exponent}"}

@@ -102,6 +102,7 @@ class CurveSummary:
     warnings: tuple[str, ...]
     coarse_warnings: tuple[str, ...]
     damping_amplitude_ratio: float | None = None  # by the drop of the peak, of a curve with balls
+    root_stress: float | None = None  # Pa: of the peak, of a linear structure on a base
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,7 @@ class HistorySummary:
     regime: Regime
     channels: Mapping[str, ChannelSummary]
     frequency: float | None = None  # None where the drive has no cycle
+    root_stress_without: float | None = None  # Pa: steady, of a linear structure without what it carries, on a sine
 
     @property
     def window_of_peaks(self) -> str:
@@ -194,7 +196,7 @@ class BranchSummary:
     origin: str
     cycles: int
     points: int
-    stable_points: int
+    stable: tuple[tuple[float, float], ...]  # ranges of the parameter with stable orbits, from low to high
     lowest: float  # of the parameter
     highest: float
     largest_peak: float

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from femimpact import core
 from femimpact.app.study.study import Study, SweepPlan, build_systems, check_method, method_for, read_mesh_of
 from femimpact.errors import InputError, faults_under, require
-from femimpact.excitation.drives import Rest, named_parts
+from femimpact.excitation.drives import Rest
 from femimpact.excitation.excitation import Excitation, has_cycle
 from femimpact.excitation.harmonic import Sine
 from femimpact.excitation.piecewise_polynomial import PiecewisePolynomial
@@ -28,6 +29,7 @@ from femimpact.response.response import Recorder
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import needs_outer_fibre
 from femimpact.system.modes import DENSE_LIMIT, first_elastic_frequency, first_resonance, solve_modes
+from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 from femimpact.units import number_text
 
@@ -110,6 +112,11 @@ class PreparedStudy:
         """What the structure carries, in words."""
         return carried_words(self.small)
 
+    @cached_property
+    def initial(self) -> State:
+        """State of the system that is integrated at the start."""
+        return self.study.initial_on(self.small)
+
 
 def prepare(study: Study, parts: tuple[str, ...] = PARTS) -> PreparedStudy:
     """Make a study ready, and find all that can be wrong with a run before its first long step.
@@ -149,20 +156,17 @@ def with_base(prepared: PreparedStudy, base: Sine) -> PreparedStudy:
     return replace(prepared, study=study, record=record, grid=grid)
 
 
-def film_window(study: Study, small: System) -> tuple[float, float]:
-    """Begin and end (s) of the snapshots: the last cycles, without a cycle periods of the first mode as the drive ends.
+def film_window(study: Study, small: System, largest: float = math.inf) -> tuple[float, float]:
+    """Begin and end (s) of the snapshots: the last cycles, without a cycle those of the first mode around a time (s).
 
-    They begin a period before the end of a drive that ends early, and else end with the run.
+    They begin a period before that of the largest motion, and end with the run at the latest.
     """
-    end, frequency, drive_ends = study.history_duration, study.shown_frequency, study.history_duration
+    end, frequency = study.history_duration, study.shown_frequency
     if not has_cycle(study.excitation):
         frequency = first_elastic_frequency(small) or frequency
-        parts = [part for _, _, part in named_parts(study.excitation)]
-        ends = [getattr(p, "delay", getattr(p, "begin", 0.0)) + getattr(p, "duration", end) for p in parts]
-        drive_ends = max(ends, default=end)
     kept = min(study.output.frame_cycles / frequency, end)
-    begin = min(max(drive_ends - 1.0 / frequency, 0.0), end - kept)
-    return (begin, begin + kept) if drive_ends < end else (max(end - kept, 0.0), end)
+    begin = min(max(largest - 1.0 / frequency, 0.0), end - kept)
+    return begin, begin + kept
 
 
 def history_record(study: Study, small: System, method: Method) -> tuple[Recorder, float]:
@@ -261,7 +265,7 @@ def _of_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> Iterator[str]
     """Warnings of the drive of the history, and of the highest frequency of the sweep."""
     study, small = prepared.study, prepared.small
     if "simulate" in parts:
-        yield from drive_warnings(small, study.excitation, study.history_duration, study.initial)
+        yield from drive_warnings(small, study.excitation, study.history_duration, prepared.initial)
     else:
         yield from motion_warnings(study.excitation, small.length)
     if "sweep" in parts and study.sweep is not None:
@@ -280,6 +284,7 @@ def _check_drives(prepared: PreparedStudy, parts: tuple[str, ...]) -> None:
     """Refuse a history or a sweep that the methods do not resolve, or that would keep too much."""
     study, small, method, record = prepared.study, prepared.small, prepared.method, prepared.record
     if "simulate" in parts:
+        prepared.initial.relative_to_base(small, study.excitation)
         frequency, base = study.excitation.frequency, {"sine": "base.frequency", "record": "base.record"}
         key = "force" if study.forces else base.get(study.kind, "base.kind")
         method.check_drive(np.array([frequency]), key)

@@ -19,6 +19,7 @@ from femimpact.app.study.drives import (
     words_of_history,
 )
 from femimpact.app.study.parameter_plan import MOST_STARTS, ParameterPlan
+from femimpact.app.study.start import PartStart, state_of
 from femimpact.errors import (
     Fault,
     InputError,
@@ -155,7 +156,7 @@ class SweepPlan:
         of them. With 1 there are none.
     acceleration : float or array_like (k, 2) or None, m/s^2
         Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
-        logarithms. Absent: the base has the amplitude of [base] at all frequencies.
+        logarithms. Absent: the base has the amplitude or the acceleration of [base] at all frequencies.
 
     Raises
     ------
@@ -322,13 +323,15 @@ class Study:
         none.
     start : {"base", "space", "static"}
         At rest relative to the base, at rest in the inertial frame, or in the static state (`State.static`).
+    begins : sequence of PartStart
+        Places that are displaced or move at the start, and balls.
     as_read : AsRead or None
         None of a study that was not read from a file.
 
     Raises
     ------
     InputError
-        If the method's name is unknown, there is a sweep and no sine, or the drives do not fit one another.
+        If the method's name is unknown, there is a sweep and no sine, or drives or starts do not fit one another.
     """
 
     structure: Structure = field(metadata=instance(Structure))
@@ -347,12 +350,19 @@ class Study:
     forces: tuple[PointForce | HammerBlow, ...] = field(default=(), metadata=items(PointForce, HammerBlow))
     duration: float | None = field(default=None, metadata=optional(SECONDS))
     start: str = field(default="base", metadata=START)
+    begins: tuple[PartStart, ...] = field(default=(), metadata=items(PartStart))
     as_read: AsRead | None = field(default=None, repr=False, metadata=optional(instance(AsRead)))
 
     def __post_init__(self) -> None:
         check_fields(self)
         check_drives(self.base, self.forces, self.duration)
         require_name(self.method.get("name", "newmark"), METHODS, "method.name")
+        allowed = "must be 'base' beside [[start]], whose values are relative to the base"
+        require(not self.begins or self.start == "base", "base.start", self.start, "", allowed)
+        of = [part.ball or ("" if part.at is None else 0) for part in self.begins]
+        require(
+            len(set(of)) == len(of), "start", None, "", "must have at most one table for a ball, and one for a place"
+        )
         if self.sweep is not None:
             sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
 
@@ -402,12 +412,17 @@ class Study:
     def sweep_level(self) -> dict[str, Any]:
         """Amplitude (m) or acceleration (m/s^2) of the base in the sweep, and None for the other."""
         given = self.sweep.acceleration if self.sweep else None
-        return {"amplitude": self.sine.amplitude if given is None else None, "acceleration": given}
+        by, level = (self.sine.by, self.sine.level) if given is None else ("acceleration", given)
+        return {"amplitude": None, "acceleration": None, by: level}
 
     @property
     def initial(self) -> State:
-        """State at the start."""
+        """State at the start without [[start]], as of the sweep."""
         return State.static() if self.start == "static" else State.at_rest(self.start)
+
+    def initial_on(self, system: System) -> State:
+        """State of a system at the start of a history or a case."""
+        return state_of(self.begins, system) if self.begins else self.initial
 
 
 def sine_of(study: Study, key: str, value: object = None, unit: str = "", instead: str = "") -> Sine:

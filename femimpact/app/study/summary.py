@@ -22,8 +22,16 @@ from femimpact.app.study.findings import (
     HistorySummary,
     Spread,
 )
-from femimpact.app.study.prepared import PreparedStudy, finer_grid_words, in_study_words, root_stress_notes
+from femimpact.app.study.prepared import (
+    ROOT_STRESS,
+    PreparedStudy,
+    finer_grid_words,
+    in_study_words,
+    root_stress,
+    root_stress_notes,
+)
 from femimpact.app.study.study import Study
+from femimpact.contact.laws import Rigid
 from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.excitation.random_base import RandomBase
@@ -32,6 +40,7 @@ from femimpact.integrators.methods import Method
 from femimpact.response.cycles import UNRESOLVED, PeakResolution, peak_resolution
 from femimpact.response.response import Response
 from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
+from femimpact.signals.transfer import transfer_function
 from femimpact.sweep.curve import TAKE_STARTS, FrequencyResponse, on_grid
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
@@ -91,6 +100,7 @@ def _curve_summary(
     grid = (curve.frequency[even], curve.peak_at_one_level[even])
     coarse_fit, coarse_half = (fit, half) if math.isnan(fit.ratio) else (fit_one_pole(*grid), half_power(*grid))
     peaks = () if empty is None else (empty.damping, empty.peak_amplitude, curve.peak_amplitude)
+    linear = empty is None and not prepared.bare.contacts
     return CurveSummary(
         peak_frequency=curve.peak_frequency,
         peak_amplitude=curve.peak_amplitude,
@@ -111,7 +121,22 @@ def _curve_summary(
         warnings=tuple(_curve_warnings(curve, fit, half, prepared)),
         coarse_warnings=tuple(_estimate_warnings(coarse_fit, coarse_half)),
         damping_amplitude_ratio=amplitude_ratio_damping(*peaks).ratio if peaks else None,
+        root_stress=steady_root_stress(prepared, curve.peak_frequency, curve.peak_amplitude) if linear else None,
     )
+
+
+def steady_root_stress(prepared: PreparedStudy, frequency: float, peak: float | None = None) -> float | None:
+    """Largest stress (Pa) at the root in the steady motion without what the structure carries, on a sine of the base.
+
+    With a peak (m) of the default place, the stress in a motion as large. None where what is left is not linear.
+    """
+    study, bare = prepared.study, prepared.bare
+    if bare.contacts or study.kind != "sine" or not (math.isfinite(frequency) and root_stress(study.structure, bare)):
+        return None
+    place = bare.default_place
+    steady = transfer_function(bare, (frequency,), to=(place, ROOT_STRESS), of="base.displacement")
+    size, motion = (abs(complex(steady[name][0])) for name in (ROOT_STRESS, place))
+    return size * (study.sine.amplitude if peak is None else peak / motion)
 
 
 def _curve_warnings(
@@ -191,8 +216,11 @@ def findings_of_history(prepared: PreparedStudy, response: Response, bare: Respo
     contacts = _contacts(prepared, response)
     said = _restitution_warnings(contacts)
     said += _new_words("history", map(in_study_words, response.warnings), prepared)
+    history = _history_summary(response)
+    if bare is None and prepared.small.contacts and history.frequency is not None:
+        history = replace(history, root_stress_without=steady_root_stress(prepared, history.frequency))
     return Findings(
-        history=_history_summary(response),
+        history=history,
         history_without=None if bare is None else _history_summary(bare),
         **_named(contacts),
         energy_residual=response.energy.residual if response.energy is not None else math.nan,
@@ -327,7 +355,7 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
     """Law, achieved restitution and statistics of one ball; N, N s, m/s and 1."""
     statistics = response.statistics_of[pair.name] if response is not None else None
     speed = statistics.mean_approach_speed if statistics is not None and statistics.count else 0.1
-    exact, stepped = pair.parameters.restitution, method.achieved_restitution(pair, speed)
+    exact, stepped = pair.parameters.restitution_at(speed), method.achieved_restitution(pair, speed)
     ends = (exact,) * 3 if stepped is None else (stepped.mean, stepped.lowest, stepped.highest)
     law = ContactSummary(
         law=pair.law.name,
@@ -362,6 +390,7 @@ def _restitution_warnings(contacts: dict[str, ContactSummary]) -> list[str]:
         f"{contact.restitution:.3g}: the law is made for the first mode's mass, and the beam's other modes take part"
         for name, contact in contacts.items()
         if contact.observed_restitution is not None
+        and contact.law != Rigid.name
         and abs(contact.observed_restitution - contact.restitution) > RESTITUTION_MISSED
     ]
 

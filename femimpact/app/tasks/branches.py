@@ -16,7 +16,7 @@ from femimpact.app.report.pictures import Report
 from femimpact.app.results.branch_file import FollowedBranches, dataset_of
 from femimpact.app.study.findings import BranchSummary, Findings, OrbitsSummary, PlacedBifurcation
 from femimpact.app.study.prepared import PreparedStudy, check_sweep, in_study_words, prepare
-from femimpact.app.study.study import OrbitsPlan, Study, sine_of
+from femimpact.app.study.study import OrbitsPlan, Study
 from femimpact.app.study.summary import findings_of
 from femimpact.app.tasks.task import Finished, Plan, Task
 from femimpact.arrays import Array
@@ -28,7 +28,7 @@ from femimpact.integrators.cases import memory_needed
 from femimpact.integrators.methods import seconds_of_cycle
 from femimpact.integrators.runs import integrate
 from femimpact.orbits.branch import UNEXPLAINED, Branch, continue_orbit, known
-from femimpact.orbits.figures import kind_words
+from femimpact.orbits.figures import kind_words, stable_ranges
 from femimpact.orbits.orbit import PeriodicOrbit
 from femimpact.orbits.parameter import Parameter, parameter_of
 from femimpact.orbits.search import TRY, find_orbit, one_sine
@@ -165,10 +165,10 @@ def first_orbit(ready: PreparedOrbits, report: Report) -> PeriodicOrbit:
     Raises `InputError` if the motion at the end of the run is none that a search takes, and `DivergenceError` if no
     orbit is found from there.
     """
-    small, plan, study = ready.prepared.small, ready.plan, ready.prepared.study
+    small, plan = ready.prepared.small, ready.plan
     with _study_words():
         run = integrate(
-            small, ready.sine, ready.prepared.method, plan.guess_duration, ready.record, study.initial,
+            small, ready.sine, ready.prepared.method, plan.guess_duration, ready.record, ready.prepared.initial,
             lambda share: report("run that settles", share),
         )  # fmt: skip
         try:
@@ -306,9 +306,9 @@ def _sweep(ready: PreparedOrbits, notes: list[str], report: Report) -> tuple[Arr
         return None
     try:
         swept = frequency_sweep(
-            small, sine_of(study, "sweep").amplitude, np.linspace(*plan.range, given.points), ready.prepared.method,
-            given.cycles, channel=ready.number.place, initial=study.initial, at=small.default_place, ledger=False,
-            progress=lambda share: report("sweep", share),
+            small, frequencies=np.linspace(*plan.range, given.points), method=ready.prepared.method,
+            cycles=given.cycles, channel=ready.number.place, initial=study.initial, at=small.default_place,
+            ledger=False, progress=lambda share: report("sweep", share), **study.sweep_level,
         )  # fmt: skip
     except FemimpactError as error:
         notes.append(f"no sweep beside the branches: {_words(error)}")
@@ -369,7 +369,7 @@ def _summary(ready: PreparedOrbits, followed: FollowedBranches) -> OrbitsSummary
             origin=origin,
             cycles=cycles,
             points=len(branch),
-            stable_points=int(np.count_nonzero(branch.is_stable)),
+            stable=stable_ranges(branch),
             lowest=float(branch.values.min()),
             highest=float(branch.values.max()),
             largest_peak=float(np.nanmax(branch.peak)),

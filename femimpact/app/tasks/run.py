@@ -86,20 +86,25 @@ def run_modes(prepared: PreparedStudy) -> tuple[Modes, Modes | None]:
 
 
 def run_simulation(prepared: PreparedStudy, report: Report = _silent) -> Response:
-    """The history of the study, with snapshots over its last cycles, or those in which its drive ends."""
-    study, record, end = prepared.study, prepared.record, film_window(prepared.study, prepared.small)[1]
-    early = record.snapshots > 0 and end < study.history_duration
+    """The history of the study, with snapshots over its last cycles, without a cycle around its largest motion."""
+    study, small, record, apart = prepared.study, prepared.small, prepared.record, _is_filmed_apart(prepared)
     response = integrate(
-        prepared.small, study.excitation, prepared.method, study.history_duration,
-        replace(record, snapshots=0, snapshots_start=0.0) if early else record, study.initial,
+        small, study.excitation, prepared.method, study.history_duration,
+        replace(record, snapshots=0, snapshots_start=0.0) if apart else record, prepared.initial,
         lambda share: report("history", share),
     )  # fmt: skip
-    if not early:
+    if not apart:
         return response
+    begin, end = film_window(study, small, response.largest(small.default_place).time)
     # a run has snapshots up to its end: those of a part are kept by one that ends with it
-    record = replace(record, channels=(), ledger=False, state_at=None, start=0.0)
-    film = integrate(prepared.small, study.excitation, prepared.method, end, record, study.initial)
+    record = replace(record, channels=(), ledger=False, state_at=None, start=0.0, snapshots_start=begin)
+    film = integrate(small, study.excitation, prepared.method, end, record, prepared.initial)
     return replace(response, snapshots=film.snapshots)
+
+
+def _is_filmed_apart(prepared: PreparedStudy) -> bool:
+    """Whether the snapshots need a run of their own: where the largest motion is, the history says."""
+    return prepared.record.snapshots > 0 and not has_cycle(prepared.study.excitation)
 
 
 def _is_compared(prepared: PreparedStudy) -> bool:
@@ -108,8 +113,9 @@ def _is_compared(prepared: PreparedStudy) -> bool:
 
 
 def runs_of_history(prepared: PreparedStudy) -> int:
-    """How many runs the history takes: its own, those of several starts, and the one without what it carries."""
-    return RUNS_OF_HISTORY * (runs_of_starts(prepared.small, prepared.study.output.starts) + _is_compared(prepared))
+    """How many runs the history takes: its own, those of several starts, without what it carries, and of the film."""
+    beside = _is_compared(prepared) + _is_filmed_apart(prepared)
+    return RUNS_OF_HISTORY * (runs_of_starts(prepared.small, prepared.study.output.starts) + beside)
 
 
 def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response | None:
@@ -120,7 +126,7 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
-    start, said = _without_balls(study.initial), partial(report, f"history without {prepared.carried}")
+    start, said = _without_balls(prepared.initial), partial(report, f"history without {prepared.carried}")
     return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
 
 
@@ -143,7 +149,7 @@ def last_cycles(prepared: PreparedStudy, response: Response) -> Response:
         first = first_steps(replace(record, start=start), steps, grid)[0]
         channels = {name: values[first:] for name, values in response.channels.items()}
         return replace(response, time=response.time[first:], channels=channels, energy=None, snapshots=None)
-    initial = response.kept_state or study.initial
+    initial = response.kept_state or prepared.initial
     # an integer number of steps, so that no rounding of a time adds one
     duration = (steps - round(initial.time / grid)) * grid
     record = replace(record, every=1, start=start, snapshots=0, ledger=False, interval=interval)

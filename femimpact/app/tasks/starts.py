@@ -89,7 +89,7 @@ def drawn_histories(prepared: PreparedStudy, report: Report) -> Findings:
     record = replace(prepared.record, snapshots=0, ledger=False, state_at=None)
     draws, rows, failed = unit_draws(starts, len(small.balls), SEED), [], dict[str, str]()
     for i in range(starts):
-        state = drawn_state(small, study.initial, base, duration, draws[i])
+        state = drawn_state(small, prepared.initial, base, duration, draws[i])
         progress = _part_of(report, f"history, {starts} starts", i, starts)
         try:
             run = integrate(small, base, prepared.method, duration, record, state, progress)

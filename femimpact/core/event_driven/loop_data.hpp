@@ -178,6 +178,7 @@ struct Cases {
     ARRAY(stiffness, "C R", GivenMatrix);
     ARRAY(damping, "C R", GivenMatrix);
     ARRAY(restitution, "C R", GivenMatrix);
+    ARRAY(over_speed, "C R 4V", View<const double, 3>); // see `restitution_of`
     ARRAY(state, "C R", Matrix);
     ARRAY(form, "C 2", View<Index, 2>); // the first form for the case's contact parameters, the present one
     ARRAY(entry, "C K", ComplexMatrix);
@@ -216,6 +217,7 @@ struct Case {
     GivenArray stiffness = all.stiffness.row(number);          // (R,)
     GivenArray damping = all.damping.row(number);              // (R,)
     GivenArray restitution = all.restitution.row(number);      // (R,)
+    GivenMatrix over_speed = all.over_speed.row(number);       // (R, 4V)
     Array state = all.state.row(number);                       // (R,) contact states
     Array released = all.released.row(number);                 // (R,)
     Matrix coordinates = all.coordinates.row(number);          // (2, d)

@@ -42,13 +42,25 @@ constexpr double UNMET_SHARE = 1e-6;
     }
 }
 
+// Restitution of an impact with this approach speed (m/s): a + b v^p of the last piece that begins below it, where the
+// pieces of the pair, each with its first speed, a, b and p, say how it depends on the speed.
+[[gnu::always_inline]] inline double restitution_of(Index j, double approach, const Case &c) {
+    GivenArray pieces = c.over_speed.row(j);
+    double found = c.restitution(j);
+    for (Index k = 0; k < pieces.size() && pieces(k) <= approach; k += 4) {
+        double power = pieces(k + 3) == 1.0 ? approach : __builtin_pow(approach, pieces(k + 3));
+        found = pieces(k + 1) + (pieces(k + 2) != 0.0 ? pieces(k + 2) * power : 0.0);
+    }
+    return found;
+}
+
 // Time (s) that the bounces to come take if none rises above the closure, else -1.
 //
 // Under a pressing acceleration a they last 2 v/(a (1 - e)) and stay below v^2/(2 a).
 [[gnu::noinline]] inline double bounces_left(Index j, double side, double rebound, const Scalars &scalars,
                                              const Pairs &pairs, const Case &c, const Space &space) {
     const Search &search = space.search;
-    double e = c.restitution(j);
+    double e = restitution_of(j, larger(rebound, 0.0), c);
     // of the moment: the bounces rise no higher than the closure
     measure(scalars, space.motion, 0.0, search);
     derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), 0.0, search);
@@ -193,7 +205,7 @@ constexpr double UNMET_SHARE = 1e-6;
         // what is no impact lets none go
         x.held(n) = !rebounds && is_active(c.state(r));
         x.approach(n) = approach > rest ? approach : 0.0;
-        x.target(n) = (1.0 + (rebounds ? c.restitution(r) : 0.0)) * x.approach(n);
+        x.target(n) = (1.0 + (rebounds ? restitution_of(r, x.approach(n), c) : 0.0)) * x.approach(n);
         closes = closes || approach > rest;
         n++;
     }
@@ -324,7 +336,7 @@ constexpr double UNMET_SHARE = 1e-6;
             c.touch(PUSHED, hit) += push;
             continue;
         }
-        double e = real ? c.restitution(hit) : 0.0;
+        double e = real ? restitution_of(hit, approach, c) : 0.0;
         if (real) {
             count_impact(hit, time, approach, push, c);
             write_impact(k, e * approach, pairs, space, tables, b);

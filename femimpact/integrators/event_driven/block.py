@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femimpact import core
 from femimpact.arrays import Array, Complex
+from femimpact.contact.laws import SpeedPiece
 from femimpact.core.structs import zeros, zeros_together
 from femimpact.errors import require
 from femimpact.excitation.piecewise_polynomial import ORDERS, PiecewisePolynomial, motion_at, piece_at
@@ -47,6 +48,7 @@ class Inputs:
     stiffness: Array  # (C, R) n/m, N s/m and 1
     damping: Array  # (C, R)
     restitution: Array  # (C, R)
+    over_speed: Array  # (C, R, 4V) of restitutions that depend on the approach speed; see `speed_pieces`
     is_sine: bool  # whether s(t) of the cases is a sine
     position: Array  # (C, d) structure and balls relative to the base, m and m/s
     velocity: Array  # (C, d)
@@ -86,6 +88,7 @@ def inputs_of(
         stiffness=of_pairs("stiffness"),
         damping=of_pairs("damping"),
         restitution=of_pairs("restitution"),
+        over_speed=speed_pieces([[pair.parameters.over_speed for pair in row] for row in contacts], (count, pairs)),
         is_sine=drives[0].is_sine,
         position=position,
         velocity=velocity,
@@ -93,6 +96,16 @@ def inputs_of(
         start=start,
         held=held,
     )
+
+
+def speed_pieces(rows: Sequence[Sequence[Sequence[SpeedPiece]]], shape: tuple[int, int]) -> Array:
+    """Pieces of the restitutions of all cases and pairs, four numbers each; those that a pair lacks begin nowhere."""
+    most = max((len(pieces) for row in rows for pieces in row), default=0)
+    table = np.full((*shape, most, 4), math.inf)
+    for c, row in enumerate(rows if most else ()):
+        for j, pieces in enumerate(row):
+            table[c, j, : len(pieces)] = np.reshape(pieces, (-1, 4))
+    return table.reshape(*shape, 4 * most)
 
 
 def relative_amplitudes(loads: Sequence[Drive], first: Drive) -> list[complex]:
@@ -183,6 +196,7 @@ def _new_cases(store: FormStore, inputs: Inputs, modes: int) -> core.events.Case
         stiffness=np.where(rigid, 0.0, inputs.stiffness),
         damping=np.where(rigid, 0.0, inputs.damping),
         restitution=inputs.restitution.copy(),
+        over_speed=np.ascontiguousarray(inputs.over_speed),
         form=np.full((count, 2), -1, dtype=np.int64),
         clock=np.stack([np.full(count, inputs.start), inputs.phase], axis=1),
         drive=drive,

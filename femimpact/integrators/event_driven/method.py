@@ -33,6 +33,7 @@ from femimpact.integrators.event_driven.block import (
     new_block,
     no_cycles,
     run_block,
+    speed_pieces,
 )
 from femimpact.integrators.event_driven.loop_data import EventSettings, check_events, reading_grid
 from femimpact.integrators.event_driven.run import not_finite, peaks_of_forces, run_events, unending
@@ -182,7 +183,9 @@ def _parameters(system: System, cases: SineCases) -> dict[str, Any]:
         sets.append(parameters)
     names, shape = ("stiffness", "damping", "restitution"), (len(sets), len(kinds))
     values = {name: [[getattr(numbers, name) for numbers in parameters] for parameters in sets] for name in names}
-    return {name: np.array(rows, dtype=float).reshape(shape)[set_of.reshape(-1)] for name, rows in values.items()}
+    arrays = {name: np.array(rows, dtype=float).reshape(shape) for name, rows in values.items()}
+    arrays["over_speed"] = speed_pieces([[numbers.over_speed for numbers in parameters] for parameters in sets], shape)
+    return {name: array[set_of.reshape(-1)] for name, array in arrays.items()}
 
 
 def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:

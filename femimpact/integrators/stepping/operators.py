@@ -166,6 +166,8 @@ def _check_laws(system: System, method: SteppingMethod) -> None:
         if impulses:
             allowed = f"must be Rigid(restitution) for {name}; compliant laws are for Newmark and its family"
             require(rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
+            allowed = f"must have one restitution at all speeds for {name}: one over the speed is for EventDriven()"
+            require(not pair.parameters.over_speed, f"{pair.name}.contact", pair.law, "", allowed)
         else:
             allowed = f"must be a compliant law for {name}: Rigid is for MoreauJean(dt) or EventDriven()"
             require(not rigid, f"{pair.name}.contact", pair.law.name, "", allowed)
