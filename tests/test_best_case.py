@@ -341,9 +341,7 @@ def test_limits_hold_for_the_largest_start_of_the_worst_case():
     assert only(fi.best_case(given, "peak", limits={"peak_force": 60.0})).limited == {"peak_force": 50.0}
     unlimited, tight = (only(fi.best_case(given, "peak", limits=one)) for one in ({}, {"peak_force": 20.0}))
     assert [unlimited.beyond, tight.beyond] == [(0, 6), (1, 6)]
-    with pytest.raises(
-        fi.InputError, match=r"gap of ball .* mm, with peak_force 19000 mm, limit 18000 mm, 106 %"
-    ):
+    with pytest.raises(fi.InputError, match=r"gap of ball .* mm, with peak_force 19000 mm, limit 18000 mm, 106 %"):
         fi.best_case(given, "peak", limits={"peak_force": 18.0})
 
 
