@@ -613,8 +613,8 @@ def _of_best(data: xarray.Dataset, best: BestCase) -> Iterator[Conclusion]:
             yield Conclusion(label, "none", note=f"{level}{design.reason}")
             continue
         more = more_designs(best) if design is named[-1] else ""
-        at = f"{level}at {told(best, design.values, names)}{limited_words(design)}"
-        note = "; ".join(filter(None, (at, rest, more)))
+        place = f"{level}at {told(best, design.values, names)}{limited_words(design)}"
+        note = "; ".join(filter(None, (place, rest, more)))
         at = np.unravel_index(design.case, array.shape)
         yield _of_case(data, best.measure, at, label, note, tuple(design_notes(best, design, names)))
 

@@ -136,8 +136,8 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     findings, study = results.findings, results.study
     structure, system = (None, None) if study is None else (study.structure, results.system)
     drawing = None
-    if structure is not None and system is not None:
-        varied = {} if study is None or results.parameter_study is None else _varied(study)
+    if study is not None and system is not None:
+        varied = {} if results.parameter_study is None else _varied(study)
         shown, whose = results.best_design or (study, OF_FILE)
         places = system if shown is study else drawn_system(shown.structure, results.findings.points)
         drawing = results.attempt(
