@@ -152,8 +152,6 @@ class State:
     sqrt(p'^2 + 2 V(p)/m), with which a pair of the effective mass m would have met the wall without loss. The row of
     that contact in the table of impacts counts from the start on.
 
-    `pull` and `blow` give what is not given otherwise: the displacements, those of balls included, and the velocities.
-
     Parameters
     ----------
     displacement, velocity : array_like (dofs,), optional
@@ -167,10 +165,8 @@ class State:
         base, in place of zero.
     time : float, s
         When the run begins: the excitation is taken from there on, and all times of the response are counted from 0 s.
-    pull : (str or float, float), optional
-        A place and its displacement (m) under a force there; see `State.pulled`.
-    blow : (str or float, float), optional
-        A place and its speed (m/s) after a blow there; see `State.struck`.
+    pull, blow : (str or float, float), optional
+        A place, and its displacement (m) of `State.pulled` or its speed (m/s) of `State.struck`.
     continuation : Continuation, optional
         What the run that ended here has left to its method; None for a state made by hand.
 
@@ -302,14 +298,6 @@ class State:
         ball_displacement : array_like (balls,), optional
             m, relative to the base, in the order of `System.contacts`; None is the middle of each box where the bent
             structure carries it.
-
-        Examples
-        --------
-        >>> import femimpact as fi
-        >>> start = fi.State.pulled("tip", 10e-3)
-        >>> decay = fi.integrate(system, fi.Rest(), fi.EventDriven(), duration=1.0, initial=start)
-        >>> round(decay["tip"][0], 9)
-        0.01
         """
         return cls(pull=(at, displacement), ball_displacement=ball_displacement)
 
