@@ -304,13 +304,8 @@ def _held_dofs(structure: Structure, mesh: Mesh) -> list[int]:
     ]
     apart = bool(pinned) and max(pinned) - min(pinned) > SAME_PLACE * mesh.nodes[-1]
     stiff = apart or (bool(pinned) and any(dof % 2 for dof in held)) or bool(structure.springs_to_base)
-    require(
-        stiff or not held,
-        "supports",
-        len(held),
-        "held dofs",
-        "must hold two places of the mesh, or one place and a slope",
-    )
+    allowed = "must hold two places of the mesh, or one place and a slope"
+    require(stiff or not held, "supports", len(held), "held dofs", allowed)
     return sorted(held)
 
 
