@@ -38,6 +38,9 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slope_of_a_rebound", "(1.0 + restitution + more)[:, None]", "(1.0 + restitution)[:, None]"),
         Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
     ),
+    "test_held_tip.py": (
+        Mutation("place_that_is_held", "(name for name in places if np.any(self.point_row(name)))", "iter(places)"),
+    ),
     "test_two_halves.py": (
         Mutation(
             "split_of_a_slower_run",

@@ -59,8 +59,8 @@ T = TypeVar("T")
 ORDERED = "of the response without contacts"
 """What has an order of convergence. Forces of contacts have none, and take more modes."""
 
-NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
-"""Labels, or their beginnings, of conclusions of which the answer is made."""
+NEEDED, PEAK = "Needed: ", "Peak of "
+"""Beginnings of labels of conclusions of which the answer is made."""
 
 
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
@@ -95,7 +95,7 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     if history is not None and without is not None:
         starts = findings.history_starts
         median = (history.peak, history.rms) if starts is None else (starts.peak.median, starts.rms.median)
-        answer = answer_of_runs(findings.carried, (without.peak, without.rms), median)
+        answer = answer_of_runs(findings.carried, (without.peak, without.rms), median, findings.observed)
         # a spring moves the beam without an impact
         untouched = history.impacts == 0 and starts is None and "absorber" not in findings.carried
         return f"Without an impact t{answer[1:]}" if untouched and answer else answer
@@ -113,14 +113,14 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     if unmet:
         return f"{UNMET.capitalize()}{unmet}."
     # of a history its peak, of a study what is best
-    one = next((each for each in conclusions if each.label == PEAK_OF_TIP), conclusions[0])
+    one = next((each for each in conclusions if each.label == f"{PEAK}{findings.observed}"), conclusions[0])
     of = one.note.partition("; ")[0]
-    kind = f"; {findings.history.regime.label}" if one.label == PEAK_OF_TIP and findings.history is not None else ""
+    kind = f"; {findings.history.regime.label}" if one.label.startswith(PEAK) and findings.history is not None else ""
     return f"{one.label}: {one.value} {one.unit}".rstrip() + f"{f', {of}' if of else ''}{kind}."
 
 
 def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary) -> str:
-    """By how much the largest motion of the tip differs with what the structure carries."""
+    """By how much the largest motion differs with what the structure carries."""
     start: Mapping[str, Spread] = next((findings.starts[one] for one in START_WORDS if one in findings.starts), {})
     median = {name: spread.median for name, spread in start.items() if _known(spread.median)}
     peak = median.get("peak_amplitude", ball.peak_amplitude)
@@ -129,20 +129,22 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     verb, factor = _change(findings.carried, ratio)
     least = "at least " if empty.resolved is False else ""
     return (
-        f"The {findings.carried} {verb} the largest motion of the tip from {least}"
+        f"The {findings.carried} {verb} the largest motion of {findings.observed} from {least}"
         f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "
         f"{quantity_text(peak, 'm', 3)} at {number_text(frequency, 3)} Hz: {factor}."
     )
 
 
-def answer_of_runs(carried: str, without: tuple[float, float], found: tuple[float, float]) -> str:
-    """By how much rms and peak (m) of the tip differ with what the structure carries; "" where they are not known."""
+def answer_of_runs(
+    carried: str, without: tuple[float, float], found: tuple[float, float], place: str = "the tip"
+) -> str:
+    """By how much rms and peak (m) of a place differ with what the structure carries; "" where they are not known."""
     texts = []
     for name, before, after in zip(("largest motion", "rms"), without, found, strict=True):
         if before > 0.0 and after > 0.0:
             verb, factor = _change(carried, before / after)
             change = f"from {quantity_text(before, 'm', 3)} to {quantity_text(after, 'm', 3)}, {factor}"
-            texts.append(f"{verb} the {name} of the tip {change}")
+            texts.append(f"{verb} the {name} of {place} {change}")
     return f"The {carried} {', and '.join(reversed(texts))}." if texts else ""
 
 
@@ -338,7 +340,7 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
 
 
 def _history(findings: Findings) -> Iterator[Conclusion]:
-    """Of a history: its kind of motion, where it has a cycle, and the peak at the tip.
+    """Of a history: its kind of motion, where it has a cycle, and the peak of the observed place.
 
     Over several starts each number is the median with its range.
     """
@@ -368,14 +370,14 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
         history,
         of_peak,
         history.peak,
-        PEAK_OF_TIP,
+        f"{PEAK}{findings.observed}",
         "m",
         note=over + _settling(history),
         details=details if rms else (),
-    ) or [Conclusion(PEAK_OF_TIP, "none", note="the history is shorter than a cycle")]
+    ) or [Conclusion(f"{PEAK}{findings.observed}", "none", note="the history is shorter than a cycle")]
     without = findings.history_without
     if without is not None:
-        label, rms = f"{PEAK_OF_TIP} without {findings.carried}", history_words(None, without.rms, "m")
+        label, rms = f"{PEAK}{findings.observed} without {findings.carried}", history_words(None, without.rms, "m")
         yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
 
 
