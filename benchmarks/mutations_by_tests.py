@@ -333,7 +333,10 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_refusals.py": (
         Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
     ),
-    "test_parameter_study.py": (Mutation("argument_called_gap", ' and place.owner != "function"', ""),),
+    "test_parameter_study.py": (
+        Mutation("argument_called_gap", ' and place.owner != "function"', ""),
+        Mutation("open_side_of_a_stop", "gap if math.isfinite(side) else side", "gap"),
+    ),
     "test_inputs.py": (
         Mutation("control_character_in_name", "if NO_NAME.search(", "if NO_NAME.fullmatch("),
         Mutation(
