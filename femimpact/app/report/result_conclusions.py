@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -243,7 +244,9 @@ def _peaks(findings: Findings) -> Iterator[Conclusion]:
         label = f"Largest peak {words}"
         several = _from_starts(findings, "peak_amplitude", label, "m") if case == "ball" else []
         if several:
-            yield from several
+            at = _from_starts(findings, "peak_frequency", "", "Hz")
+            ends = f" ({at[0].scatter.partition(' over')[0]})" if at and " over" in at[0].scatter else ""
+            yield from (replace(one, note=f"at {at[0].value} Hz{ends}" if at else "") for one in several)
             continue
         coarse = curve.resolved is False and _known(curve.peak_too_low_at_most)
         yield number_conclusion(
@@ -301,8 +304,7 @@ def _ratio(findings: Findings) -> list[Conclusion]:
     carried = findings.carried
     them = "them" if carried.endswith("s") or " and " in carried else "it"
     label = f"Peak without {carried} over peak with {them}"
-    several = _from_starts(findings, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
-    several += _from_starts(findings, "amplitude_ratio", label, "1")
+    several = _from_starts(findings, "amplitude_ratio", label, "1")
     if several or not _known(findings.amplitude_ratio):
         return several
     sample = any(curve.peak_is_one_start for curve in findings.sweep.values())
@@ -315,6 +317,18 @@ DROP = "Equivalent damping by the drop of the peak"
 
 def _damping(findings: Findings) -> Iterator[Conclusion]:
     empty, ball = findings.sweep.get("empty"), findings.sweep.get("ball")
+    # a stop bounds the motion, which is no damping
+    of_drop = "stop" not in findings.carried
+    several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%") if of_drop else []
+    yield from several
+    if of_drop and not several and ball is not None and _known(ball.damping_amplitude_ratio):
+        yield Conclusion(
+            DROP,
+            _four_digits(100 * ball.damping_amplitude_ratio),
+            "%",
+            one_sample=ball.peak_is_one_start,
+            note=f"damping without {findings.carried} times the ratio",
+        )
     if empty is not None and _known(empty.damping_fit):
         ratio, words = _four_digits(100 * empty.damping_fit), ""
         if all(map(math.isfinite, empty.damping_fit_interval)):
@@ -324,19 +338,6 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
         details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
         label = f"Damping ratio without {findings.carried}"
         yield Conclusion(label, ratio, "%", words, note="one-pole fit of the curve", details=details)
-    # a stop bounds the motion, which is no damping
-    if "stop" in findings.carried:
-        return
-    several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%")
-    yield from several
-    if not several and ball is not None and _known(ball.damping_amplitude_ratio):
-        yield Conclusion(
-            DROP,
-            _four_digits(100 * ball.damping_amplitude_ratio),
-            "%",
-            one_sample=ball.peak_is_one_start,
-            note=f"damping without {findings.carried} times the ratio",
-        )
 
 
 def _history(findings: Findings) -> Iterator[Conclusion]:
