@@ -14,7 +14,9 @@ from femimpact.app.results.picture_data import read_results
 
 BEAM = fi.Beam.uniform(length=0.3, width=0.02, thickness=0.8e-3, young_modulus=210e9, density=7850)
 CLAMPED = fi.Structure(
-    beam=BEAM, supports=[fi.Support("clamped", "root"), fi.Support("clamped", "tip")], damping=fi.Rayleigh(ratio=0.01, modes=(1, 3))
+    beam=BEAM,
+    supports=[fi.Support("clamped", "root"), fi.Support("clamped", "tip")],
+    damping=fi.Rayleigh(ratio=0.01, modes=(1, 3)),
 )
 STOP = fi.Stop("pin", "mid", (5e-4, 5e-4), fi.Rigid(0.7))
 
