@@ -68,7 +68,7 @@ def atomic_path(
     Raises `OSError` with the name of `path`, never with the temporary one.
     """
     target = target_path(path)
-    require(target.parent.is_dir(), "path", str(path), "", "must be in an existing directory")
+    require(target.parent.is_dir(), "path", str(path), "", f"must be in an existing directory: make {target.parent}")
     prefix = f".{target.stem}-"
     try:
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix, dir=target.parent)

@@ -69,6 +69,8 @@ def test_octaves_per_minute_are_a_duration():
     base = fi.Chirp(5.0, 40.0, amplitude=1e-3, kind="logarithmic", octaves_per_minute=2.0)
     assert base.duration == pytest.approx(90.0)
     assert base.frequency_at(30.0) == pytest.approx(10.0)
+    assert fi.Chirp(5.0, 40.0, amplitude=1e-3, octaves_per_minute=2.0) == base
+    assert fi.Chirp(5.0, 40.0, 90.0, amplitude=1e-3).kind == "linear"
 
 
 def test_stepped_sines_change_where_the_base_stands_still():

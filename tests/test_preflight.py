@@ -15,7 +15,7 @@ import femimpact as fi
 from femimpact.app.demo import paper_study_text
 from femimpact.app.planned_test import lines_of_check
 from femimpact.app.study.parameter_plan import AxisValues
-from femimpact.integrators.planned_drive import largest_motion, plan_notes, swept_envelope, swept_peak
+from femimpact.integrators.planned_drive import contact_notes, largest_motion, plan_notes, swept_envelope, swept_peak
 
 pytestmark = pytest.mark.impacts
 
@@ -245,7 +245,11 @@ def changed_beam(**values: float) -> fi.Structure:
 
 def with_contact_time(seconds: float) -> fi.System:
     """The reference system with another contact."""
-    ball = replace(REFERENCE.impactors[0], contact=fi.KelvinVoigt(restitution=0.6, contact_time=seconds))
+    return of_law(fi.KelvinVoigt(restitution=0.6, contact_time=seconds))
+
+
+def of_law(law) -> fi.System:
+    ball = replace(REFERENCE.impactors[0], contact=law)
     return reduced(replace(REFERENCE, impactors=(ball,)), 3)
 
 
@@ -592,6 +596,13 @@ def test_long_contacts_preloads_and_percentages_are_named_in_runs_and_curves():
     curve = fi.frequency_sweep(system, 1e-5, [5.0, 5.1], fi.EventDriven(), 3, ledger=False)
     for notes in (run.notes, curve.notes):
         assert any("contact time of ball: 100 ms" in text and "milliseconds" in text for text in notes)
+    for law in (fi.KelvinVoigt(stiffness=2.0, restitution=0.5), fi.Hertz(1.0)):
+        text = next(words for words in contact_notes(of_law(law)) if "contact time of ball" in words)
+        assert "milliseconds" not in text
+        # the stiffness that is named fits, and 15 % less does not
+        stiffness = float(text.rpartition("stiffness of ")[2].split()[0])
+        both = [of_law(replace(law, stiffness=k)) for k in (stiffness, 0.85 * stiffness)]
+        assert ["contact time of ball" in str(contact_notes(one)) for one in both] == [False, True]
     pressed = fi.Stop("wall", "tip", (-1e-4, np.inf), fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
     system = reduced(replace(REFERENCE, impactors=(), stops=(pressed,)), 3)
     run = fi.integrate(system, CALM, fi.EventDriven(), 0.2, fi.Recorder(channels=()), fi.State.static())

@@ -659,7 +659,7 @@ CALLS = [
             (lambda: fi.Chirp(0.0, 2.0, 1.0, amplitude=1.0, kind="logarithmic"), r"start = 0.* Hz: must be .*> 0 Hz"),
             (lambda: fi.Chirp(1.0, 2.0, 0.0, amplitude=1.0), r"duration = 0.* s"),
             (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0), r"duration.*octaves_per_minute be given"),
-            (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0, octaves_per_minute=1.0), r"kind.*logarithmic"),
+            (lambda: fi.Chirp(1.0, 2.0, amplitude=1.0, kind="linear", octaves_per_minute=1.0), r"kind.*logarithmic"),
             (lambda: fi.SteppedSine([], 3, amplitude=1.0), r"frequencies.*one or more"),
             (lambda: fi.SteppedSine([1.0, -2.0], 3, amplitude=1.0), r"frequencies.*> 0"),
             (lambda: fi.RandomBase([(5.0, 1.0)], 10.0), r"psd.*2 or more pairs"),

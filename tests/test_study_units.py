@@ -354,6 +354,11 @@ def test_octaves_alone_are_those_of_a_logarithmic_sweep() -> None:
     assert same_study(read(study_text(study)), study)
 
 
+def test_an_open_side_has_no_unit() -> None:
+    with pytest.raises(fi.InputError, match=r"impactor\.ball\.gap = 'inf mm': must be inf for an open side, without"):
+        read(paper_study_text().replace("gap = 0.004 ", 'gap = "inf mm" ', 1))
+
+
 @pytest.mark.parametrize("value", ["nan mm", "4,5 mm", "mm", "", "0.23", "\u0664 mm"])
 def test_text_that_is_no_quantity_is_told_the_form(value: str) -> None:
     with pytest.raises(fi.InputError) as error:

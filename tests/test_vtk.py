@@ -193,6 +193,12 @@ def test_thinning_keeps_first_and_last(tmp_path, response, reference):
     assert (times[0], times[-1]) == (response.snapshots.time[0], response.snapshots.time[-1])
 
 
+def test_a_folder_that_is_missing_is_named(tmp_path, system, reference):
+    for name in ("m.pvd", "m.vtkhdf"):
+        with pytest.raises(fi.InputError, match=r"existing directory: make .*missing"):
+            vtk.write_modes(tmp_path / "missing" / name, system, fi.solve_modes(system, 2), reference)
+
+
 def test_modes_read_back_are_the_modes(tmp_path, system, reference):
     modes = fi.solve_modes(system, 4)
     times, grids = read_series(vtk.write_modes(tmp_path / "modes.pvd", system, modes, reference, scale=0.02))

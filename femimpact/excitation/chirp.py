@@ -71,7 +71,8 @@ class Chirp(PiecewiseMotion):
         Amplitude of the base's acceleration, or rows of a frequency (Hz) and an amplitude, straight in a plot of the
         logarithms. A constant displacement d up to a crossover is a line through two rows of (2 pi f)^2 d.
     kind : {"linear", "logarithmic"}
-        The frequency changes by the same number of Hz in every second, or of octaves in every minute.
+        The frequency changes by the same number of Hz in every second, or of octaves in every minute; by default
+        linear, and logarithmic with `octaves_per_minute`.
     octaves_per_minute : float, 1/min
         Of a logarithmic chirp, in place of the duration.
     fade : float, s
@@ -99,7 +100,7 @@ class Chirp(PiecewiseMotion):
         duration: float | None = None,
         amplitude: float | None = None,
         acceleration: Any = None,
-        kind: str = "linear",
+        kind: str | None = None,
         octaves_per_minute: float | None = None,
         fade: float = 0.0,
         *,
@@ -109,8 +110,8 @@ class Chirp(PiecewiseMotion):
         level, by = level_of(amplitude, acceleration, level, by)
         if octaves_per_minute is not None:
             require(duration is None, "duration", duration, "s", "must be left out where octaves_per_minute is given")
-            allowed = 'must be of kind "logarithmic": a linear chirp has no constant octaves_per_minute'
-            require(kind == "logarithmic", "kind", kind, "", allowed)
+            allowed = 'must be "logarithmic" or left out: a linear chirp has no constant octaves_per_minute'
+            require(kind in (None, "logarithmic"), "kind", kind, "", allowed)
             low, high = checked("start", start, FREQUENCY), checked("stop", stop, FREQUENCY)
             rate = octaves_per_minute = checked("octaves_per_minute", octaves_per_minute, quantity("1/min", above=0.0))
             allowed = "must be a finite number > 0 1/min, and start and stop two frequencies"
@@ -118,6 +119,7 @@ class Chirp(PiecewiseMotion):
             duration = 60.0 * abs(math.log2(high / low)) / rate
         allowed = "must be a finite number > 0 s, or octaves_per_minute be given"
         require(duration is not None, "duration", duration, "s", allowed)
+        kind = ("linear" if octaves_per_minute is None else "logarithmic") if kind is None else kind
         set_fields(self, start=start, stop=stop, duration=duration, kind=kind, level=level, by=by, fade=fade)
         object.__setattr__(self, "octaves_per_minute", octaves_per_minute)
         require_reach(self.level, min(self.start, self.stop), max(self.start, self.stop))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
 from numpy.typing import NDArray
 
 from femimpact.arrays import Array
+from femimpact.contact.laws import CompiledLaw
 from femimpact.errors import InputError
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, Rest, named_parts
@@ -360,10 +362,23 @@ def contact_rows(system: System) -> Iterator[PreflightRow]:
     for pair in system.contacts:
         if pair.has_walls and not pair.parameters.is_rigid and first > 0.0:
             limit = LONGEST_CONTACT / first
-            instead = (
-                f"take at most {rounded(limit, math.floor):g} s, a fifth of the first period: is it in milliseconds?"
-            )
+            instead = f"take at most {rounded(limit, math.floor):g} s, a fifth of the first period"
+            if getattr(pair.law, "contact_time", None) is not None:
+                instead += ": is it in milliseconds?"
+            elif isinstance(pair.law, CompiledLaw) and hasattr(pair.law, "stiffness"):
+                instead += f", as with a stiffness of {_stiffness_within(pair, limit)}"
             yield row_of(f"contact time of {pair.name}", pair.parameters.contact_time, "s", limit, instead)
+
+
+def _stiffness_within(pair: ContactPair, limit: float) -> str:
+    """A stiffness with its unit, rounded up, with which the contact time of a law with one is within a limit (s)."""
+    law: Any = pair.law
+    while pair.parameters.contact_time > limit:
+        # the time goes with a power of the stiffness, -1/2 of a linear spring
+        factor = 1.01 * (pair.parameters.contact_time / limit) ** 2
+        law = replace(law, stiffness=rounded(factor * law.stiffness, math.ceil))
+        pair = replace(pair, law=law)
+    return quantity_text(law.stiffness, law.shown_numbers(pair.effective_mass)[0][2])
 
 
 def transient_rows(system: System, begin: float, take: Callable[[float], str]) -> Iterator[PreflightRow]:

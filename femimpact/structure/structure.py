@@ -272,7 +272,7 @@ class Stop:
     at : str or float
         Place on the beam: "root", "tip", "mid", a body's name, a point of the mesh, or metres from the root.
     gap : float or pair of float, m
-        Free travel of the beam to the + and to the - side; `math.inf` leaves a side open. A negative gap
+        Free travel of the beam to the + and to the - side; `inf` leaves a side open. A negative gap
         preloads: the undeformed beam would be that far inside the obstacle, and a run starts from the static
         state (`State`) unless its initial state gives displacements.
     contact : a contact law

@@ -149,6 +149,7 @@ def write_frames(path: Path, times: Sequence[float], texts: Iterable[str], names
 def checked_path(path: str | Path) -> Path:
     """The path of a collection whose folder of frames may be made or replaced."""
     path = target_path(path)
+    require(path.parent.is_dir(), "path", str(path), "", f"must be in an existing directory: make {path.parent}")
     require(path.suffix in (".pvd", ".vtkhdf"), "path", str(path), "", "must end in .pvd (or .vtkhdf: one file)")
     if path.suffix == ".vtkhdf":
         return path

@@ -39,7 +39,8 @@ from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
 from femimpact.errors import Fault, InputError, require
-from femimpact.excitation.drives import drive_words
+from femimpact.excitation.drives import drive_words, named_parts
+from femimpact.excitation.harmonic import SteppedSine
 from femimpact.figures.study_labels import PAIRED, STATISTICS, path_words
 from femimpact.files import atomic_write, to_disk
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
@@ -146,7 +147,8 @@ def _groups(values: Array, middle: Array) -> Array:
 def labels_of(study: ParameterStudy) -> dict[str, Any]:
     """Labels of the dataset of a study, in types of JSON."""
     table = study.table
-    warnings = [*(str(row) for row in axis_rows(study) if row.passed), *contact_notes(study.nominal)]
+    rows = *_dwell_rows(study), *axis_rows(study)
+    warnings = [*(str(row) for row in rows if row.passed), *contact_notes(study.nominal)]
     warnings += level_remarks(study)
     return {
         "dims": [place.path for place in table.places] if table.is_grid else ["case"],
@@ -242,6 +244,13 @@ def axis_rows(study: ParameterStudy) -> Iterator[PreflightRow]:
     for place, levels in zip(study.table.places, study.table.levels, strict=True):
         if place.field == "frequency" and place.owner in ("base", "force") and study.plan_of_sample is None:
             yield from step_rows(without_impactors(study.nominal), np.unique(levels), f" of the axis {place.path}")
+
+
+def _dwell_rows(study: ParameterStudy) -> Iterator[PreflightRow]:
+    """The step of each stepped sine of a study file, over all of which a case has one value."""
+    for which, _, part in named_parts(study.study.excitation) if isinstance(study.study, Study) else ():
+        if isinstance(part, SteppedSine):
+            yield from step_rows(without_impactors(study.nominal), part.steps, f" of {which}" * bool(which))
 
 
 def _description(study: ParameterStudy) -> dict[str, str]:

@@ -152,9 +152,6 @@ class Kind:
         """
         self.check(values)
         arguments = {one.argument: values[key] for key, one in self.keys.items() if key in values}
-        if "octaves_per_minute" in arguments:
-            # a sweep of so many octaves a minute can be nothing else
-            arguments.setdefault("kind", "logarithmic")
         keys = {one.argument: key for key, one in self.keys.items()}
         try:
             return (self.make or self.noun)(**arguments, **given)

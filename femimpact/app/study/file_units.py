@@ -67,7 +67,9 @@ class Readings:
         elif isinstance(value, str) and unit:
             units = units_that_fit(unit)
             form = f'must be a number, or one with a decimal point and a unit, as "0.5 {units.partition(", ")[0]}"'
-            self.faults.append(Fault(key, value, "", f"{form}: {units}"))
+            open_side = key.endswith(".gap") and value.startswith("inf")
+            allowed = "must be inf for an open side, without quotes and unit" if open_side else f"{form}: {units}"
+            self.faults.append(Fault(key, value, "", allowed))
         elif isinstance(value, str) and key.endswith(PLACES) and (metres := Readings().number("", value, "m")) != value:
             self.found.append((key, value, metres, "m"))
             return metres

@@ -441,7 +441,10 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
             from femimpact import vtk
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
-    return Finished("history", files, findings_of_history(prepared, response, run_without(prepared, report)))
+    findings = findings_of_history(prepared, response, run_without(prepared, report))
+    said = (*findings_of(prepared).warnings, *findings.warnings)
+    history = history.assign_attrs(warnings="; ".join(said))
+    return Finished("history", files, findings)
 
 
 def _stride(study: Study, response: Response) -> int:
