@@ -131,7 +131,7 @@ class Sine:
         level: Any = None,
         by: str | None = None,
     ) -> None:
-        key = "level" if level is not None else None
+        key = "level" if amplitude is None and acceleration is None else None
         level, by = level_of(amplitude, acceleration, level, by)
         if isinstance(by, str) and by in UNITS_OF_LEVEL:
             level = checked(key or by, level, quantity(UNITS_OF_LEVEL[by], at_least=0.0))

@@ -283,7 +283,9 @@ def _value(key: str, value: Any) -> Any:
         return str(value)
     if isinstance(value, (list, tuple)) or getattr(value, "shape", None) == (2,):
         # a side of a stop may be open
-        pair = tuple(math.inf if entry == math.inf else _number(key, entry) for entry in value)
+        pair = tuple(
+            entry if isinstance(entry, float) and entry == math.inf else _number(key, entry) for entry in value
+        )
         if len(pair) == 2:
             return pair
     elif in_range(value, NUMBER):
