@@ -1,4 +1,4 @@
-"""A beam that is held at its tip is read where it moves: at its ball or stop, else in the middle."""
+"""A beam that is held at its tip is read where it moves: in the middle, with a ball or a stop and without one."""
 
 from __future__ import annotations
 
@@ -30,11 +30,16 @@ def system(**parts):
     [
         (system(), "mid"),
         (system(stops=[STOP]), "mid"),
-        (system(masses=[fi.PointMass("box", 0.1, 0.01)], stops=[replace(STOP, at="box")]), "box"),
+        # with the ball or the stop, and without them
+        (system(masses=[fi.PointMass("box", 0.1, 0.01)], stops=[replace(STOP, at="box")]), "mid"),
+        (
+            system(supports=[*CLAMPED.supports, fi.Support("pinned", "mid")], masses=[fi.PointMass("box", 0.1, 0.01)]),
+            "box",
+        ),
         (fi.reduce(fi.assemble(fi.Structure(beam=BEAM), elements=12), modes=3), "tip"),
         (fi.reduce(fi.assemble(fi.Structure(beam=BEAM, stops=[STOP]), elements=12), modes=3), "tip"),
     ],
-    ids=["alone", "stop", "at a body", "free tip", "free tip with a stop"],
+    ids=["alone", "stop", "at a body", "held in the middle", "free tip", "free tip with a stop"],
 )
 def test_default_place_moves(given, place):
     assert given.default_place == place
@@ -54,8 +59,13 @@ def test_sweep_study_and_run_read_the_middle():
     assert float(study.peak[0]) == pytest.approx(curve.peak[0], rel=1e-12)
     run = fi.integrate(given, fi.Sine(1e-5, first), fi.EventDriven(), 900 / first)
     assert float(run.steady.peak[0]) == pytest.approx(curve.peak[0], rel=1e-9)
-    with pytest.raises(fi.InputError, match=r"at = 'tip': must be a place that moves; 'mid' does"):
-        fi.frequency_sweep(given, 1e-5, [first], fi.EventDriven(), 9, at="tip")
+    axes, drive = {"base.frequency": [first]}, fi.Sine(1e-5, first)
+    for read in (
+        lambda: fi.frequency_sweep(given, 1e-5, [first], fi.EventDriven(), 9, at="tip"),
+        lambda: fi.parameter_study(given, axes, ["peak"], excitation=drive, cycles=9, at="tip"),
+    ):
+        with pytest.raises(fi.InputError, match=r"at = 'tip': must be a place that moves; 'mid' does"):
+            read()
 
 
 def test_results_of_a_study_name_the_place(tmp_path):

@@ -326,12 +326,10 @@ class System:
     def default_place(self) -> str:
         """The place observed unless another is named: the tip, or the first point of a system without one.
 
-        Where it is held, the first named place of a ball or stop that moves, else the middle.
+        Where it is held, the middle, else the first named place that moves: the same with balls and without them.
         """
         place = "tip" if "tip" in self.points or not self.directions else next(iter(self.directions))
-        named = {position: name for name, position in self.points.items()}
-        others = [named[pair.position] for pair in self.contacts if pair.position in named]
-        places = [place, *others, *(name for name in ("mid",) if name in self.points), *self.directions]
+        places = [place, *(name for name in ("mid",) if name in self.points), *self.points, *self.directions]
         return next((name for name in places if np.any(self.point_row(name))), place)
 
     @property
