@@ -18,7 +18,6 @@ from femimpact.figures.drawing import (
     COLOURS,
     GREY,
     LEGEND,
-    WALLS,
     OffScreen,
     break_lines,
     label_axes,
@@ -27,6 +26,7 @@ from femimpact.figures.drawing import (
     panels,
     rows_of,
     scaled,
+    walls_of,
 )
 from femimpact.response.response import Response
 from femimpact.units import number_text
@@ -37,8 +37,11 @@ if TYPE_CHECKING:
 
 
 def _shown_time(response: Response) -> tuple[float, float]:
-    """Begin and end (s) of the impacts that are shown: the last third of a run, and all of a free decay."""
-    return (response.start if isinstance(response.base, Rest) else response.window[0]), response.window[1]
+    """Begin and end (s) of the impacts that are shown: the last third of a run, and all where none is in that."""
+    begin, end = response.window
+    shown = (response.impacts.time >= begin) & (response.impacts.time < end)
+    whole = isinstance(response.base, Rest) or not shown.any()
+    return (response.start if whole else begin), end
 
 
 @takes(response=instance(Response))
@@ -69,8 +72,9 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
     for axis, (name, column, unit) in zip(axes, columns, strict=True):
         values, unit = scaled(column[inside], unit)
         bins = np.linspace(min(values.min(initial=0.0), 0.0), values.max(initial=0.0) or 1.0, 31)
-        walls = [values[impacts.side[inside] == side] for side, *_ in WALLS]
-        axis.hist(walls, bins=bins, stacked=True, color=[w[1] for w in WALLS], label=[w[3] for w in WALLS])
+        walls = walls_of(response)
+        at_walls = [values[impacts.side[inside] == side] for side, *_ in walls]
+        axis.hist(at_walls, bins=bins, stacked=True, color=[w[1] for w in walls], label=[w[3] for w in walls])
         if values.size:
             axis.axvline(values.mean(), color=GREY, linestyle="--", linewidth=1.2)
             axis.set_title(f"mean {number_text(values.mean(), 3)} {unit}", loc="left")
@@ -107,7 +111,7 @@ def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axe
     has_phase = bool(np.all(np.isfinite(phase)))
     when = phase if has_phase else impacts.time[inside]
     axis = panel(ax, 8.0, 5.0)
-    for side, colour, marker, label in WALLS:
+    for side, colour, marker, label in walls_of(response):
         chosen = sides == side
         axis.plot(
             when[chosen], impulse[chosen], marker, color=colour, markersize=5.0, alpha=0.6, markeredgewidth=0.0,

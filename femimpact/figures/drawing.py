@@ -79,6 +79,12 @@ class OffScreen:
 # ---- cycles of the base -------------------------------------------------------------------------------
 
 
+def walls_of(response: Response) -> list[tuple[int, str, str, str]]:
+    """Those of `WALLS` that a ball or stop of a response has: a stop on one side has one."""
+    gaps = [pair.gaps for pair in response.system.contacts]
+    return [wall for wall in WALLS if any(math.isfinite(each[0 if wall[0] > 0 else 1]) for each in gaps)]
+
+
 def last_cycles(response: Response, cycles: float) -> tuple[float, str]:
     """Time (s) at which the last base cycles of a history begin, and words for them; all of it where it has fewer.
 

@@ -25,7 +25,6 @@ from femimpact.figures.drawing import (
     ORANGE,
     PURPLE,
     SKY,
-    WALLS,
     OffScreen,
     label_axes,
     last_cycles,
@@ -35,6 +34,7 @@ from femimpact.figures.drawing import (
     plain_log_ticks,
     require_history,
     scaled,
+    walls_of,
 )
 from femimpact.response.channels import channel_of
 from femimpact.response.impacts import DRAWN_IN_CONTACT
@@ -169,7 +169,7 @@ def contact_force(
     sizes, size, unit = (impacts.impulse, "impulse", "N s") if rigid else (impacts.peak_force, "peak force", "N")
     largest = float(np.nanmax(np.abs(sizes), initial=0.0))
     factor, label_unit = prefixed(largest, unit)
-    for side, colour, _, label in WALLS:
+    for side, colour, _, label in walls_of(response):
         chosen = impacts.side == side
         axes[1].plot(
             impacts.time[chosen], factor * np.abs(sizes[chosen]), "o", markersize=3.0, color=colour, label=label
