@@ -38,6 +38,9 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slope_of_a_rebound", "(1.0 + restitution + more)[:, None]", "(1.0 + restitution)[:, None]"),
         Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
     ),
+    "test_held_tip.py": (
+        Mutation("place_that_is_held", "(name for name in places if np.any(self.point_row(name)))", "iter(places)"),
+    ),
     "test_two_halves.py": (
         Mutation(
             "split_of_a_slower_run",
@@ -330,7 +333,10 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     "test_refusals.py": (
         Mutation("more_cycles_than_memory", "require(cycles <= MOST_OF_CYCLES,", "require(cycles <= 1e30,"),
     ),
-    "test_parameter_study.py": (Mutation("argument_called_gap", ' and place.owner != "function"', ""),),
+    "test_parameter_study.py": (
+        Mutation("argument_called_gap", ' and place.owner != "function"', ""),
+        Mutation("open_side_of_a_stop", "gap if math.isfinite(side) else side", "gap"),
+    ),
     "test_inputs.py": (
         Mutation("control_character_in_name", "if NO_NAME.search(", "if NO_NAME.fullmatch("),
         Mutation(

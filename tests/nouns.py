@@ -402,6 +402,7 @@ VERBS = {
         for noun, base in MOTIONS.items()
         for name in ("displacement", "velocity", "acceleration")
     },
+    "Study.initial_on": (paper_study().initial_on, lambda: {"system": small()}),
     "Chirp.frequency_at": (MOTIONS["Chirp"].frequency_at, lambda: {"time": 0.1}),
     "Chirp.phase_at": (MOTIONS["Chirp"].phase_at, lambda: {"time": 0.1}),
     "HammerBlow.force": (MOTIONS["HammerBlow"].force, lambda: {"time": 0.1}),

@@ -12,8 +12,10 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import time
 import tomllib
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from email.parser import Parser
 from pathlib import Path
 
@@ -21,7 +23,7 @@ import pytest
 from builders import paper_study_text
 
 from femimpact import core
-from femimpact.core import compilation
+from femimpact.core import binary, compilation
 from femimpact.core.binary import record_of, record_text, source_hash
 
 ROOT = Path(__file__).parents[1]
@@ -626,3 +628,24 @@ def test_the_version_names_target_compiler_and_sources(tmp_path):
     done = ran("-m", "femimpact", "--version", cwd=tmp_path, PYTHONPATH=str(ROOT), FEMIMPACT_CORE="v9")
     assert done.returncode == 0
     assert "must be one of" in done.stdout.splitlines()[1]
+
+
+def test_threads_that_ask_for_the_core_at_once_load_it_one_after_the_other(monkeypatch):
+    """A module that another thread loads has no loader yet, and looks damaged."""
+    inside, most = [], []
+
+    def load():
+        inside.append(1)
+        most.append(len(inside))
+        time.sleep(0.02)
+        inside.pop()
+        return binary
+
+    monkeypatch.setattr(binary, "_loaded", load)
+    binary.loaded.cache_clear()
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            assert set(pool.map(lambda _: binary.loaded(), range(4))) == {binary}
+    finally:
+        binary.loaded.cache_clear()
+    assert set(most) == {1}

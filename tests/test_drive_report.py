@@ -60,10 +60,10 @@ def test_the_energies_of_several_drives_have_the_work_of_each_and_their_sum():
         (fi.Sine(1e-3, 5.0), ("amplitude 1 mm", "frequency 5 Hz", "0.987 m/s^2 (0.101 g)"), "acceleration (m/s^2)"),
         (
             fi.Chirp(3.0, 12.0, 120.0, acceleration=0.05 * 9.80665, kind="logarithmic"),
-            ("start 3 Hz", "stop 12 Hz", "1 oct/min", "level 0.4903 m/s^2 (0.05 g)"),
+            ("start 3 Hz", "stop 12 Hz", "1 oct/min", "acceleration 0.4903 m/s^2 (0.05 g)"),
             "acceleration (m/s^2)",
         ),
-        (fi.Chirp(3.0, 12.0, 90.0, amplitude=1e-3), ("0.1 Hz/s", "level 1 mm"), "acceleration (m/s^2)"),
+        (fi.Chirp(3.0, 12.0, 90.0, amplitude=1e-3), ("0.1 Hz/s", "amplitude 1 mm"), "acceleration (m/s^2)"),
         (
             fi.SteppedSine([4.0, 5.0], 9, acceleration=[(4.0, 1.0), (5.0, 2.0)]),
             ("4 to 5 Hz in 2 steps", "cycles 9", "in 2 rows"),

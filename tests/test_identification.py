@@ -1,6 +1,7 @@
 """Damping from response curves: exact on exact data, honest on noisy and on coarse data."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -212,3 +213,16 @@ def test_half_power_crossings_lie_on_the_lines_between_points():
     side = 1.0 - 1.0 / math.sqrt(2.0)
     exact = ((10.0 + side) ** 2 - (10.0 - side) ** 2) / (4.0 * 10.0**2)
     assert fi.signals.half_power([9.0, 10.0, 11.0], [0.0, 1.0, 0.0]).ratio == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(("constant", "told"), [(3e-5, False), (3e-4, True)])
+def test_a_pattern_in_the_misfit_is_told_where_it_matters(constant, told):
+    ratio, f = 0.01, np.linspace(0.94, 1.06, 301)
+    # a constant beside the pole, as a far mode leaves it, as a share of the peak
+    response = f**2 / (1.0 - f**2 + 2j * ratio * f) + constant / (2.0 * ratio)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        estimate = fi.fit_one_pole(f, np.abs(response))
+    assert np.isnan(estimate.interval).all()
+    assert any("no interval" in one for one in estimate.warnings) == told
+    assert told or abs(estimate.ratio / ratio - 1.0) < 2e-4

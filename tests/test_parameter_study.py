@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 import xarray
 from builders import (
     REFERENCE,
+    build,
     paper_study,
     paper_study_text,
     read_study,
@@ -29,7 +31,7 @@ from builders import (
 
 import femimpact as fi
 from femimpact.app.parametric.dataset import BLOCKS, median_ranks, over_starts
-from femimpact.app.parametric.paths import study_with
+from femimpact.app.parametric.paths import paths_of_study, study_with
 from femimpact.app.parametric.runs import evaluated
 from femimpact.app.parametric.verb import block_cases
 from femimpact.app.report.result_conclusions import study_lead
@@ -1081,3 +1083,31 @@ def test_processors_of_several_kinds_are_warned_of_and_the_study_runs():
     with pytest.warns(fi.InputWarning, match=r"several kinds of processors \(.*old one.*\): the last bits may depend"):
         found = small(client=Cluster({}, {"processor": "v2 x86_64 an old one"}))
     assert found["finished"].all()
+
+
+@pytest.mark.parametrize("open_side", [0, 1])
+def test_a_stop_on_one_side_stays_open_on_the_other_whatever_its_gap(open_side):
+    """A number is the gap of the side that is not open, a pair that of both sides; cases are runs of their own."""
+
+    def sides(gap):
+        return (math.inf, gap) if open_side == 0 else (gap, math.inf)
+
+    def with_stop(gap):
+        stop = fi.Stop("stop", "tip", gap, fi.KelvinVoigt(stiffness=1e3, restitution=0.7))
+        return replace(study(), structure=replace(study().structure, impactors=(), stops=(stop,)))
+
+    path, axis = "stop.stop.gap", [1e-3, 2e-3]
+    alone = [
+        float(fi.parameter_study(with_stop(sides(gap)), {"base.frequency": [5.3]}, ["peak"], cycles=30)["peak"][0])
+        for gap in axis
+    ]
+    closed = float(fi.parameter_study(with_stop(axis[0]), {"base.frequency": [5.3]}, ["peak"], cycles=30)["peak"][0])
+    assert abs(closed - alone[0]) > 0.02 * closed
+    own = replace(with_stop(sides(1.5e-3)), base=replace(study().base, frequency=5.3))
+    for given in (own, build(own)[1]):
+        excitation = None if given is own else own.base
+        for values in (axis, [sides(gap) for gap in axis]):
+            found = fi.parameter_study(given, {path: values}, ["peak"], cycles=30, excitation=excitation)
+            assert found["peak"].values.tolist() == pytest.approx(alone, rel=1e-12)
+    changed = study_with(own, {paths_of_study(own)[path]: 1e-3})
+    assert changed.structure.stops[0].gap == sides(1e-3)

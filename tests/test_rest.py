@@ -46,6 +46,8 @@ history = "2 s"
 name = "event-driven"
 """
 
+pytestmark = pytest.mark.impacts
+
 
 def reduced(structure: fi.Structure, modes: int = 6) -> fi.System:
     return fi.reduce(fi.assemble(structure, elements=12), modes=modes)

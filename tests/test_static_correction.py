@@ -1,10 +1,11 @@
 """Static correction: what it repairs, what is left out without it, and what a reduced system says of itself."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import cantilever
+from builders import REFERENCE, cantilever
 
 import femimpact as fi
 
@@ -99,3 +100,12 @@ def test_nothing_is_noted_where_nothing_is_cut():
         [[1.0]], [[0.1]], [[1.0]], points={"mass": [1.0]}, impactors=[fi.Impactor("ball", "mass", 0.1, 1.0, STEEL)]
     )
     assert fi.system.truncation_notes(oscillator) == ()
+
+
+def test_of_all_modes_nothing_is_left_out_and_nothing_said():
+    stop = fi.Stop("wall", "p", (1e-3, math.inf), fi.Rigid(0.7))
+    one = fi.System.from_matrices([[1.0]], [[0.1]], [[100.0]], points={"p": [1.0]}, stops=[stop])
+    assert fi.system.truncation_notes(fi.reduce(one, 1)) == ()
+    beam = fi.assemble(replace(REFERENCE, stops=(replace(stop, at="tip"),), impactors=()), 2)
+    assert fi.system.truncation_notes(fi.reduce(beam, beam.dofs)) == ()
+    assert len(fi.system.truncation_notes(fi.reduce(beam, beam.dofs - 1))) == 1

@@ -25,15 +25,18 @@ ARGUMENTS = {"events": ("task", "job", "ledger", "search_call"), "steps": ("bloc
 
 def __getattr__(name: str) -> Any:
     """A function of the binary, or its named tuples; the binary is loaded for the first of them."""
-    from femimpact.core.binary import loaded
+    from femimpact.core.binary import LOADING, loaded
 
-    if name in __all__:
-        attribute = getattr(loaded(), name)
-    elif name in ARGUMENTS:
-        from femimpact.core.structs import structs_of
+    with LOADING:
+        if name in globals():
+            return globals()[name]
+        if name in __all__:
+            attribute = getattr(loaded(), name)
+        elif name in ARGUMENTS:
+            from femimpact.core.structs import structs_of
 
-        attribute = structs_of(loaded().tables(), ARGUMENTS[name], name)
-    else:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = attribute
-    return attribute
+            attribute = structs_of(loaded().tables(), ARGUMENTS[name], name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = attribute
+        return attribute

@@ -14,6 +14,7 @@ import re
 import shlex
 import sys
 import sysconfig
+import threading
 from pathlib import Path
 from types import ModuleType
 
@@ -81,12 +82,21 @@ def build_words() -> str:
     )
 
 
+LOADING = threading.RLock()
+"""Held while the binary is loaded: to another thread it would look like a module without a loader."""
+
+
 @functools.cache
 def loaded() -> ModuleType:
     """The binary, once it is known to fit.
 
     Raises `CoreError` one line: why it cannot be loaded, and the command that mends it.
     """
+    with LOADING:
+        return _loaded()
+
+
+def _loaded() -> ModuleType:
     if sysconfig.get_config_var("Py_GIL_DISABLED"):
         raise CoreError("the compiled core is not made for free-threaded Python: use a build of Python with its lock")
     spec = importlib.util.find_spec("femimpact._core")

@@ -448,7 +448,7 @@ def _numbers(history: Any, unit: str) -> Iterator[str]:
             yield name if isinstance(value, bool) else value
         elif isinstance(value, (int, float)):
             if value != item.default:
-                yield f"{name} {unit_text(value, own)}"
+                yield f"{getattr(history, 'by', name) if name == 'level' else name} {unit_text(value, own)}"
         elif name == "level":
             yield (
                 f"level {unit_text(value[0][1], own)} at {value[0][0]:g} Hz to {unit_text(value[-1][1], own)} at "

@@ -131,9 +131,10 @@ class Sine:
         level: Any = None,
         by: str | None = None,
     ) -> None:
+        key = "level" if amplitude is None and acceleration is None else None
         level, by = level_of(amplitude, acceleration, level, by)
-        if by in UNITS_OF_LEVEL:
-            level = checked(by, level, quantity(UNITS_OF_LEVEL[by], at_least=0.0))
+        if isinstance(by, str) and by in UNITS_OF_LEVEL:
+            level = checked(key or by, level, quantity(UNITS_OF_LEVEL[by], at_least=0.0))
         set_fields(self, level=level, frequency=frequency, phase=phase, by=by)
 
     @property

@@ -23,6 +23,7 @@ from femimpact.excitation.excitation import LineLoad
 from femimpact.excitation.harmonic import Sine
 from femimpact.orbits.motion import HybridSystem, Numbers, hybrid_system
 from femimpact.response.channels import resolve_channels
+from femimpact.structure.structure import gaps_with
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.system import System, with_checked_fields, with_checked_pairs
 
@@ -208,8 +209,7 @@ def _of_pair(
         return with_spring(varied, pair.law, 1.0 / (pair.first_mode**2 + 1.0 / value))
 
     def with_gap(value: float) -> ContactPair:
-        plus, minus = (value if math.isfinite(gap) else gap for gap in pair.gaps)
-        return replace(pair, gaps=(plus, minus))
+        return replace(pair, gaps=gaps_with(pair.gaps, value))
 
     def with_law(value: float, law: Rigid | KelvinVoigt, name: str) -> ContactPair:
         number: dict[str, Any] = {name: value}

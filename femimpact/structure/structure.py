@@ -48,6 +48,14 @@ def sound_gaps(gaps: tuple[float, ...]) -> bool:
     return min(gaps) >= 0.0 or sum(gaps) > 0.0
 
 
+def gaps_with(gaps: tuple[float, float], gap: float | tuple[float, float]) -> tuple[float, float]:
+    """Gaps (m) to both sides with another number: a side that is open stays so, where the number is no pair."""
+    if isinstance(gap, tuple):
+        return gap
+    plus, minus = (gap if math.isfinite(side) else side for side in gaps)
+    return plus, minus
+
+
 def require_preload(gaps: tuple[float, ...], law: ContactLaw) -> None:
     """Refuse a law that cannot be preloaded where one of the gaps (m) is negative."""
     fits = min(gaps) >= 0.0 or law.may_be_preloaded

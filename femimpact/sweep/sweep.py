@@ -54,7 +54,7 @@ def frequency_sweep(
     duration: float | None = None,
     window: float | None = None,
     initial: State | None = None,
-    at: Position = "tip",
+    at: Position | None = None,
     ledger: bool = True,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -75,7 +75,7 @@ def frequency_sweep(
     duration: float | None = None,
     window: float | None = None,
     initial: State | None = None,
-    at: Position = "tip",
+    at: Position | None = None,
     ledger: bool = True,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -97,7 +97,7 @@ def frequency_sweep(
     duration: float | None = None,
     window: float | None = None,
     initial: State | None = None,
-    at: Position = "tip",
+    at: Position | None = None,
     ledger: bool = True,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -133,8 +133,8 @@ def frequency_sweep(
         What is measured in place of a displacement, as of `Recorder.channels`: "root.surface_stress".
     initial : State, optional
         At rest in the frame of the base by default. Every run begins at t = 0 s, whatever the state's time.
-    at : str or float
-        The observed place, whose displacement is measured.
+    at : str or float, optional
+        The observed place, whose displacement is measured; `System.default_place` by default, the tip where it moves.
     ledger : bool
         Keep the energy residual of every case; costs about half as much again, event-driven up to as much again.
     threads : int, optional
@@ -162,20 +162,22 @@ def frequency_sweep(
     ledger = checked("ledger", ledger, truth())
     ways = ("up", "down", "both")
     require(direction is None or direction in ways, "direction", direction, "", f"must be one of {', '.join(ways)}")
-    alone = channel is None or at == "tip"
+    alone = channel is None or at in (None, system.default_place)
     require(alone, "at", at, "", "goes without a channel, which names its own place")
     dwells = dwell_cycles(frequencies, cycles, duration, window)
     amplitude, level = _checked_level(amplitude, acceleration, dwells[0])
+    place = system.default_place if at is None else at
     if channel is None:
-        system.point_row(at)
-    measured = channel_of(system, at if channel is None else channel)
+        moves = bool(np.any(system.point_row(place)))
+        require(moves, "at", place, "", f"must be a place that moves; {system.default_place!r} does")
+    measured = channel_of(system, place if channel is None else channel)
     about: dict[str, Any] = {
         "amplitude": amplitude,
         "acceleration": level,
         "cycles": None if cycles is None else int(cycles),
         "duration": duration,
         "window": window,
-        "at": at if channel is None else measured.name,
+        "at": place if channel is None else measured.name,
         "unit": measured.unit,
         "start": start_of(state, system),
         "notes": mode_notes(system, drive_of(system, Sine(0.0, 1.0)), (measured,)),

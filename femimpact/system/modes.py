@@ -348,7 +348,7 @@ def _by_modes(system: System, modes: Modes, ratio: NDArray[np.float64]) -> Syste
     omega = 2.0 * math.pi * modes.natural_frequency[: ratio.size]
     rigid = int(np.count_nonzero(omega == 0.0))
     still = bool(rigid < ratio.size and not np.any(ratio[:rigid]))
-    allowed = f"must be 0 for each of the {rigid} rigid motions, which have no ratio, and then those of elastic modes"
+    allowed = f"must begin with {rigid} of 0: a rigid motion has no ratio, and those of elastic modes follow"
     require(rigid == 0 or still, "damping.ratios", float(ratio[0]), "", allowed)
     beta = 2.0 * float(ratio[-1] / omega[-1])
     size = 2.0 * ratio * omega - beta * omega**2

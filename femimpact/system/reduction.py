@@ -155,7 +155,8 @@ def truncation_notes(system: System) -> tuple[str, ...]:
     """
     require_type(system, System, "system")
     # a System by matrices may be diagonal without being truncated; `reduce` leaves a dense expansion
-    if not (system.contacts and system.is_diagonal and isinstance(system.expansion, np.ndarray)):
+    truncated = isinstance(system.expansion, np.ndarray) and math.isfinite(system.highest_kept)
+    if not (system.contacts and system.is_diagonal and truncated):
         return ()
     omega = np.sqrt(system.K.diagonal())
     highest = float(omega.max()) / (2.0 * math.pi)

@@ -322,10 +322,15 @@ class System:
         """The contact pairs that are balls; they come first in `contacts`."""
         return tuple(pair for pair in self.contacts if not pair.is_stop)
 
-    @property
+    @cached_property
     def default_place(self) -> str:
-        """The place observed unless another is named: the tip, or the first point."""
-        return "tip" if "tip" in self.points or not self.directions else next(iter(self.directions))
+        """The place observed unless another is named: the tip, or the first point of a system without one.
+
+        Where it is held, the middle, else the first named place that moves: the same with balls and without them.
+        """
+        place = "tip" if "tip" in self.points or not self.directions else next(iter(self.directions))
+        places = [place, *(name for name in ("mid",) if name in self.points), *self.points, *self.directions]
+        return next((name for name in places if np.any(self.point_row(name))), place)
 
     @property
     def length(self) -> float:

@@ -228,7 +228,10 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             for values, value, ends in zip(design.alike, design.alike_values, design.alike_groups, strict=True)
         ]
         apart = f"overlapped by {_first_of(alike)}" if alike else "no other case overlaps it"
-        yield f"90 % interval of the median {low} to {high}; {apart}"
+        each = f", each end the worst over {' and '.join(names.get(axis, axis) for axis in best.worst_over)}" * bool(
+            best.worst_over
+        )
+        yield f"90 % interval of the median {low} to {high}{each}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
     if design.groups:
@@ -283,7 +286,12 @@ def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = 
     bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
     change += " or a limit passed" if best.limits else ""
     axis = names.get(margin.axis, margin.axis)
-    return f"{axis} for {100.0 * MORE:g} % {change}: {', '.join(sides)}{cliff}{bound}"
+    return f"{axis} for {100.0 * MORE:g} % {change}{apart_words(best)}: {', '.join(sides)}{cliff}{bound}"
+
+
+def apart_words(best: BestCase) -> str:
+    """That a case which the intervals cannot tell from the best counts as none that is worse; empty without these."""
+    return ", where the intervals are apart" if any(math.isfinite(one.low) for one in best.designs) else ""
 
 
 def told(best: BestCase, values: Mapping[str, Any], names: Mapping[str, str] = NO_NAMES) -> str:
@@ -342,5 +350,6 @@ def marks_of(best: BestCase) -> BestMarks:
     levels = [(f"{100.0 * MORE:g} % {change}", design.value + (-more if best.better == "large" else more))]
     levels += [("limit", best.limits[best.measure])] if best.measure in best.limits else []
     spans = {one.axis: (one.value - one.below, one.value + one.above) for one in design.margins}
-    within = f"at most {100.0 * MORE:g} % {change} than the best{', within the limits' if best.limits else ''}"
+    near = " or not apart from it" if apart_words(best) else ""
+    within = f"at most {100.0 * MORE:g} % {change} than the best{near}{', within the limits' if best.limits else ''}"
     return BestMarks(within, tuple(levels), spans)

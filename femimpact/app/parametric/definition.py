@@ -337,7 +337,8 @@ class ParameterStudy:
 
     def _check_nominal(self) -> None:
         """Refuse a place, a measure or a method that the system does not take: every case would fail."""
-        self.nominal.point_row(self.observed)
+        moves = self.at is None or bool(np.any(self.nominal.point_row(self.at)))
+        require(moves, "at", self.at, "", f"must be a place that moves; {self.nominal.default_place!r} does")
         check_names(self.chosen, tuple(self._axes))
         if not any(place.stage == Stage.METHOD for place in self.places):
             self.systems.method_of(self.nominal, {})

@@ -151,7 +151,7 @@ def calibrate(
     method: Any = None,
     elements: int | None = None,
     modes: int | None = None,
-    at: Position | None = "tip",
+    at: Position | None = None,
     noise: float = 0.02,
     starts: int = 8,
     seed: int = 0,

@@ -34,7 +34,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.beam import ModalDamping, Rayleigh
-from femimpact.structure.structure import Structure
+from femimpact.structure.structure import Structure, gaps_with
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import rayleigh_of, with_damping, with_modal_damping
 from femimpact.system.reduction import reduce, reduced_on
@@ -227,6 +227,8 @@ def _with(noun: Any, keys: Sequence[str], value: Any) -> Any:
     if not keys:
         return value
     first, *rest = keys
+    if first == "gap" and math.inf in noun.gaps:
+        value = gaps_with(noun.gaps, value)
     if isinstance(noun, tuple):
         return tuple(_with(item, rest, value) if first in ("", item.name) else item for item in noun)
     if isinstance(noun, Mapping):
@@ -238,7 +240,7 @@ def _with(noun: Any, keys: Sequence[str], value: Any) -> Any:
 def pair_with(pair: ContactPair, name: str, value: Any) -> ContactPair:
     """A contact of a system with another gap, number of its law or of its body."""
     if name == "gap":
-        return replace(pair, gaps=value if isinstance(value, tuple) else (value, value))
+        return replace(pair, gaps=gaps_with(pair.gaps, value))
     if name.startswith("contact."):
         return replace(pair, law=replace(pair.law, **{name.removeprefix("contact."): value}))  # type: ignore[type-var]
     return replace(pair, **{name: value})

@@ -30,6 +30,7 @@ from femimpact.integrators.methods import Method, step_of
 from femimpact.integrators.runs import response_by
 from femimpact.response.channels import resolve_channels
 from femimpact.response.response import Recorder, Response
+from femimpact.structure.structure import gaps_with
 from femimpact.system.state import State
 from femimpact.system.system import System, with_checked_pairs, without_impactors
 
@@ -284,7 +285,7 @@ def _gaps(study: ParameterStudy, system: System, cases: Integers) -> Array:
         if place.field == "gap" and place.owner != "function":
             j = next(i for i, pair in enumerate(system.contacts) if pair.name == place.part)
             for row, code in enumerate(table.codes[axis][cases].tolist()):
-                gaps[row, j] = table.levels[axis][code]
+                gaps[row, j] = gaps_with(system.contacts[j].gaps, table.levels[axis][code])
     return gaps
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -59,8 +60,8 @@ T = TypeVar("T")
 ORDERED = "of the response without contacts"
 """What has an order of convergence. Forces of contacts have none, and take more modes."""
 
-NEEDED, PEAK_OF_TIP = "Needed: ", "Peak of the tip"
-"""Labels, or their beginnings, of conclusions of which the answer is made."""
+NEEDED, PEAK = "Needed: ", "Peak of "
+"""Beginnings of labels of conclusions of which the answer is made."""
 
 
 def best_of(results: ResultReading) -> tuple[Mapping[str, BestCase], Mapping[str, str]]:
@@ -95,7 +96,7 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     if history is not None and without is not None:
         starts = findings.history_starts
         median = (history.peak, history.rms) if starts is None else (starts.peak.median, starts.rms.median)
-        answer = answer_of_runs(findings.carried, (without.peak, without.rms), median)
+        answer = answer_of_runs(findings.carried, (without.peak, without.rms), median, findings.observed)
         # a spring moves the beam without an impact
         untouched = history.impacts == 0 and starts is None and "absorber" not in findings.carried
         return f"Without an impact t{answer[1:]}" if untouched and answer else answer
@@ -113,14 +114,14 @@ def answer_of(findings: Findings, conclusions: Sequence[Conclusion]) -> str:
     if unmet:
         return f"{UNMET.capitalize()}{unmet}."
     # of a history its peak, of a study what is best
-    one = next((each for each in conclusions if each.label == PEAK_OF_TIP), conclusions[0])
+    one = next((each for each in conclusions if each.label == f"{PEAK}{findings.observed}"), conclusions[0])
     of = one.note.partition("; ")[0]
-    kind = f"; {findings.history.regime.label}" if one.label == PEAK_OF_TIP and findings.history is not None else ""
+    kind = f"; {findings.history.regime.label}" if one.label.startswith(PEAK) and findings.history is not None else ""
     return f"{one.label}: {one.value} {one.unit}".rstrip() + f"{f', {of}' if of else ''}{kind}."
 
 
 def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary) -> str:
-    """By how much the largest motion of the tip differs with what the structure carries."""
+    """By how much the largest motion differs with what the structure carries."""
     start: Mapping[str, Spread] = next((findings.starts[one] for one in START_WORDS if one in findings.starts), {})
     median = {name: spread.median for name, spread in start.items() if _known(spread.median)}
     peak = median.get("peak_amplitude", ball.peak_amplitude)
@@ -129,20 +130,22 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     verb, factor = _change(findings.carried, ratio)
     least = "at least " if empty.resolved is False else ""
     return (
-        f"The {findings.carried} {verb} the largest motion of the tip from {least}"
+        f"The {findings.carried} {verb} the largest motion of {findings.observed} from {least}"
         f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "
         f"{quantity_text(peak, 'm', 3)} at {number_text(frequency, 3)} Hz: {factor}."
     )
 
 
-def answer_of_runs(carried: str, without: tuple[float, float], found: tuple[float, float]) -> str:
-    """By how much rms and peak (m) of the tip differ with what the structure carries; "" where they are not known."""
+def answer_of_runs(
+    carried: str, without: tuple[float, float], found: tuple[float, float], place: str = "the tip"
+) -> str:
+    """By how much rms and peak (m) of a place differ with what the structure carries; "" where they are not known."""
     texts = []
     for name, before, after in zip(("largest motion", "rms"), without, found, strict=True):
         if before > 0.0 and after > 0.0:
             verb, factor = _change(carried, before / after)
             change = f"from {quantity_text(before, 'm', 3)} to {quantity_text(after, 'm', 3)}, {factor}"
-            texts.append(f"{verb} the {name} of the tip {change}")
+            texts.append(f"{verb} the {name} of {place} {change}")
     return f"The {carried} {', and '.join(reversed(texts))}." if texts else ""
 
 
@@ -241,7 +244,9 @@ def _peaks(findings: Findings) -> Iterator[Conclusion]:
         label = f"Largest peak {words}"
         several = _from_starts(findings, "peak_amplitude", label, "m") if case == "ball" else []
         if several:
-            yield from several
+            at = _from_starts(findings, "peak_frequency", "", "Hz")
+            ends = f" ({at[0].scatter.partition(' over')[0]})" if at and " over" in at[0].scatter else ""
+            yield from (replace(one, note=f"at {at[0].value} Hz{ends}" if at else "") for one in several)
             continue
         coarse = curve.resolved is False and _known(curve.peak_too_low_at_most)
         yield number_conclusion(
@@ -299,8 +304,7 @@ def _ratio(findings: Findings) -> list[Conclusion]:
     carried = findings.carried
     them = "them" if carried.endswith("s") or " and " in carried else "it"
     label = f"Peak without {carried} over peak with {them}"
-    several = _from_starts(findings, "peak_frequency", f"Frequency of the peak with {carried}", "Hz")
-    several += _from_starts(findings, "amplitude_ratio", label, "1")
+    several = _from_starts(findings, "amplitude_ratio", label, "1")
     if several or not _known(findings.amplitude_ratio):
         return several
     sample = any(curve.peak_is_one_start for curve in findings.sweep.values())
@@ -313,6 +317,18 @@ DROP = "Equivalent damping by the drop of the peak"
 
 def _damping(findings: Findings) -> Iterator[Conclusion]:
     empty, ball = findings.sweep.get("empty"), findings.sweep.get("ball")
+    # a stop bounds the motion, which is no damping
+    of_drop = "stop" not in findings.carried
+    several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%") if of_drop else []
+    yield from several
+    if of_drop and not several and ball is not None and _known(ball.damping_amplitude_ratio):
+        yield Conclusion(
+            DROP,
+            _four_digits(100 * ball.damping_amplitude_ratio),
+            "%",
+            one_sample=ball.peak_is_one_start,
+            note=f"damping without {findings.carried} times the ratio",
+        )
     if empty is not None and _known(empty.damping_fit):
         ratio, words = _four_digits(100 * empty.damping_fit), ""
         if all(map(math.isfinite, empty.damping_fit_interval)):
@@ -322,23 +338,10 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
         details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
         label = f"Damping ratio without {findings.carried}"
         yield Conclusion(label, ratio, "%", words, note="one-pole fit of the curve", details=details)
-    # a stop bounds the motion, which is no damping
-    if "stop" in findings.carried:
-        return
-    several = _from_starts(findings, "damping_amplitude_ratio", DROP, "%")
-    yield from several
-    if not several and ball is not None and _known(ball.damping_amplitude_ratio):
-        yield Conclusion(
-            DROP,
-            _four_digits(100 * ball.damping_amplitude_ratio),
-            "%",
-            one_sample=ball.peak_is_one_start,
-            note=f"damping without {findings.carried} times the ratio",
-        )
 
 
 def _history(findings: Findings) -> Iterator[Conclusion]:
-    """Of a history: its kind of motion, where it has a cycle, and the peak at the tip.
+    """Of a history: its kind of motion, where it has a cycle, and the peak of the observed place.
 
     Over several starts each number is the median with its range.
     """
@@ -368,14 +371,14 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
         history,
         of_peak,
         history.peak,
-        PEAK_OF_TIP,
+        f"{PEAK}{findings.observed}",
         "m",
         note=over + _settling(history),
         details=details if rms else (),
-    ) or [Conclusion(PEAK_OF_TIP, "none", note="the history is shorter than a cycle")]
+    ) or [Conclusion(f"{PEAK}{findings.observed}", "none", note="the history is shorter than a cycle")]
     without = findings.history_without
     if without is not None:
-        label, rms = f"{PEAK_OF_TIP} without {findings.carried}", history_words(None, without.rms, "m")
+        label, rms = f"{PEAK}{findings.observed} without {findings.carried}", history_words(None, without.rms, "m")
         yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -196,6 +197,9 @@ ON_SHEET = ("best", "response", "orbits", "convergence", "study", "motion")
 LEFT_OFF_SHEET = ("Energy unaccounted for",)
 """Conclusions that check the computation."""
 
+KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$"), (": fit: ", ": half-power: ")
+"""What details have in them that a sheet keeps, and warnings that check an estimate."""
+
 
 def short_page(page: Page) -> Page:
     """Question, structure, drive, answer with its range, a picture and limits: without paths and residuals."""
@@ -209,7 +213,7 @@ def short_page(page: Page) -> Page:
         if picture.get("class") == "picture"
     ][:1]
     conclusions = [
-        replace(one, details=tuple(text for text in one.details if text.startswith(WORST_AT) or f", {LIMIT} " in text))
+        replace(one, details=tuple(text for text in one.details if text.startswith(WORST_AT) or KEPT.search(text)))
         for one in page.conclusions
         if one.label not in LEFT_OFF_SHEET
     ]
@@ -222,7 +226,10 @@ def short_page(page: Page) -> Page:
         conclusions=tuple(conclusions[:MOST_CARDS]),
         missing=(),
         # a limit of the planned test that is passed
-        warnings=(*page.warnings, *(text for text in page.notes if "(limit: " in text)),
+        warnings=(
+            *(text for text in page.warnings if not any(words in text for words in CHECKS)),
+            *(text for text in page.notes if "(limit: " in text),
+        ),
         notes=(),
         first=(),
         sections=(Section("picture", "Picture", tuple(pictures)),) if pictures else (),

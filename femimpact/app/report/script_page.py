@@ -40,7 +40,7 @@ from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_me
 from femimpact.app.report.structure_drawing import structure_element
 from femimpact.app.report.views import measures_of, sections_of, spectra_of
 from femimpact.app.results.picture_data import Run, SweptCurves
-from femimpact.app.study.findings import Findings
+from femimpact.app.study.findings import Findings, place_words
 from femimpact.app.study.summary import kind_of_peak, peak_of_history, rms_of_history
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import (
@@ -196,7 +196,8 @@ def _answer_of(responses: Mapping[str, Response]) -> str:
     named = {heading.lower(): (peak_of_history(one), rms_of_history(one)) for heading, one in responses.items()}
     pairs = [(name.removeprefix("without "), numbers) for name, numbers in named.items() if name.startswith("without ")]
     both = [(carried, alone, named[f"with {carried}"]) for carried, alone in pairs if f"with {carried}" in named]
-    return answer_of_runs(*both[0]) if len(both) == 1 else ""
+    places = {place_words(one.system.default_place) for one in responses.values()}
+    return answer_of_runs(*both[0], *places) if len(both) == len(places) == 1 else ""
 
 
 def _computed_by(study: Any) -> str:

@@ -215,6 +215,11 @@ class OrbitsSummary:
     branches: tuple[BranchSummary, ...]
 
 
+def place_words(place: str) -> str:
+    """A place in words."""
+    return {"tip": "the tip", "mid": "the middle"}.get(place, place)
+
+
 @dataclass(frozen=True)
 class Findings:
     """What a summary says of the results of a study; a field at its default is not written."""
@@ -225,6 +230,7 @@ class Findings:
     method: str = ""
     step: float | None = None  # s
     carried: str = "ball"  # what the structure carries, in words
+    place: str = "tip"  # whose motion is read
     natural_frequency: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     damping_ratio: tuple[float, ...] = ()
     restitution: float | None = None
@@ -253,6 +259,11 @@ class Findings:
     unfinished: tuple[str, ...] = ()  # parts that were still to come when the run was ended
     pictures: Mapping[str, str] = field(default_factory=dict)  # what became of each kind of them
     checksums: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of every file; none where they are not known
+
+    @property
+    def observed(self) -> str:
+        """The place whose motion is read, in words."""
+        return place_words(self.place)
 
     @property
     def contacts(self) -> dict[str, ContactSummary]:

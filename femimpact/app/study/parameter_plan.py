@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import numbers
 from collections.abc import Iterable, Mapping, Sized
 from dataclasses import dataclass, field
@@ -281,7 +282,10 @@ def _value(key: str, value: Any) -> Any:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, (list, tuple)) or getattr(value, "shape", None) == (2,):
-        pair = tuple(_number(key, entry) for entry in value)
+        # a side of a stop may be open
+        pair = tuple(
+            entry if isinstance(entry, float) and entry == math.inf else _number(key, entry) for entry in value
+        )
         if len(pair) == 2:
             return pair
     elif in_range(value, NUMBER):

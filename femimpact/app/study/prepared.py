@@ -187,11 +187,12 @@ def history_record(study: Study, small: System, method: Method) -> tuple[Recorde
         # so many that a base cycle is resolved
         every = min(USUAL_STRIDE, stride_of(method, study.excitation.frequency, LEAST_SAMPLES))
     begin, end = film_window(study, small)
-    channels: list[str | float] = ["tip", "tip.velocity", "mid", *root_stress(study.structure, small)]
+    observed = small.default_place
+    channels: list[str | float] = [observed, f"{observed}.velocity", "mid", *root_stress(study.structure, small)]
     for pair in small.contacts:
         # a place without a name by its distance from the root
         place = next((name for name, x in small.points.items() if x == pair.position), str(pair.position))
-        if place != "tip":
+        if place != observed:
             channels += [place, f"{place}.velocity"]
         moving = [] if pair.is_stop else [pair.name, f"{pair.name}.velocity"]
         channels += [*moving, f"{pair.name}.contact_force" if pair.has_walls else f"{pair.name}.gap"]

@@ -33,6 +33,7 @@ from femimpact.errors import (
     quantity,
     require,
     require_name,
+    require_type,
     suggestion,
     text,
     truth,
@@ -422,6 +423,7 @@ class Study:
 
     def initial_on(self, system: System) -> State:
         """State of a system at the start of a history or a case."""
+        require_type(system, System, "system")
         return state_of(self.begins, system) if self.begins else self.initial
 
 

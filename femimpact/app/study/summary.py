@@ -181,6 +181,7 @@ def findings_of(prepared: PreparedStudy) -> Findings:
     return replace(
         findings_of_study(study, prepared.full, prepared.method),
         carried=prepared.carried,
+        place=prepared.small.default_place,
         restitution=next((contact.restitution for contact in contacts.values()), None),
         **_named(contacts),
         # the page of results has what was said when the beam was assembled

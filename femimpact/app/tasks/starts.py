@@ -63,7 +63,7 @@ def drawn_curves(
     cases = [{"base.frequency": f, "base.amplitude": amplitude, "base.start": study.start} for f, amplitude in level]
     definition = ParameterStudy(
         prepared.small, cases, OF_CURVES, starts=plan.starts, seed=SEED, cycles=plan.cycles, method=prepared.method,
-        at="tip",
+        at=prepared.small.default_place,
     )  # fmt: skip
     values = np.full((len(cases), plan.starts, len(OF_CURVES)), np.nan)
     reasons = np.full((len(cases), plan.starts), "", dtype=object)
