@@ -584,7 +584,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
     from femimpact.app.report.result_conclusions import answer_of, best_of, result_conclusions, result_warnings
-    from femimpact.app.report.result_page import tables_of
+    from femimpact.app.report.result_page import other_start_words, tables_of
     from femimpact.app.results.picture_data import read_results
     from femimpact.app.results.result_directory import FILES, REPORT
 
@@ -618,7 +618,9 @@ def print_results(directory: Path, quiet: bool = False) -> None:
     best = directory / FILES["best_study"].name
     for line in (
         _warnings_page() if warned else "",
-        f"run the best case where it is worst, with its report: femimpact run {best}" if best.exists() else "",
+        f"run the best case where it is worst, with its report: femimpact run {best}{other_start_words(best)}"
+        if best.exists()
+        else "",
         f"to look at: {directory / REPORT}" if (directory / REPORT).is_file() else "",
         f"results in {directory}",
     ):

@@ -677,3 +677,23 @@ def test_a_wrong_table_of_the_best_is_named_by_its_key(table, words):
     with pytest.raises(fi.InputError, match=words) as caught:
         plan_of_cases(study(f"[study.best]\n{table}\n"))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("start", ["base", "space"])
+def test_the_study_of_the_best_case_begins_where_the_study_was_at_its_worst(tmp_path, capsys, start):
+    text = Path("meshes/stepped_cantilever.toml").read_text(encoding="utf-8")
+    text = text.partition("[sweep]")[0] if "[sweep]" in text else text
+    plan = '[study]\nmeasures = ["peak"]\ncycles = 30\nstarts = 3\n[study.axes]\n"impactor.ball.gap" = [0.002, 0.003]\n'
+    given = read_study(text + plan, Path("meshes/stepped_cantilever.toml"))
+    given = replace(given, start=start, output=replace(given.output, figures=False, report=False))
+    found = write_parameter_study(given, tmp_path / "results")
+    (best,) = fi.best_case(found, "peak").designs
+    chosen = fi.load_study(tmp_path / "results" / "best.toml")
+    print_results(tmp_path / "results")
+    said = "another start, another value" in " ".join(capsys.readouterr().out.split())
+    assert (bool(chosen.begins), said) == (start == "base", start == "space")
+    if start == "base":
+        run = fi.run_study(chosen, tmp_path / "run", parts=("simulate",))
+        # the peak of samples, beside that of the motion itself
+        assert run.summary["history"]["peak"] == pytest.approx(found["peak_high"].to_numpy()[best.case], rel=2e-3)
+        assert found["peak_high"].to_numpy()[best.case] > 1.002 * found["peak_low"].to_numpy()[best.case]

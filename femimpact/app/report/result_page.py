@@ -240,13 +240,20 @@ def short_page(page: Page) -> Page:
 # ---- what was computed ----------------------------------------------------------------------------
 
 
+def other_start_words(best: Path) -> str:
+    """That the study file of a best case has another start than the study ran, where its first line says so."""
+    return f" ({ANOTHER_START})" if best.read_text(encoding="utf-8").startswith(f"# {ANOTHER_START}") else ""
+
+
 def _next_step(folder: Path) -> list[Section]:
     """How to run the best case of a parameter study, where its study file is there."""
     name = FILES["best_study"].name
+    if not (folder / name).exists():
+        return []
     words = (
-        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report."
+        f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report"
     )
-    return [Section("next", "The next step", (element("p", words),))] if (folder / name).exists() else []
+    return [Section("next", "The next step", (element("p", f"{words}{other_start_words(folder / name)}."),))]
 
 
 def _varied(study: Study) -> dict[str, list[str]]:
@@ -335,6 +342,9 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
 
 
 FREQUENCY = "base.frequency"
+
+ANOTHER_START = "the study ran other starts of the balls: another start, another value"
+"""First line of a study file of the best case that does not begin as the study did."""
 
 
 def _foot(results: ResultReading, findings: Findings) -> str:

@@ -11,18 +11,22 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from femimpact.app.parametric.best import best_cases, check_best
 from femimpact.app.parametric.best_design import BestCase
 from femimpact.app.parametric.dataset import endings_of, level_remarks
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.measures import Source
 from femimpact.app.parametric.paths import Stage, study_with
+from femimpact.app.parametric.runs import evaluated, run_case
 from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
 from femimpact.app.report.markup import Element
-from femimpact.app.report.result_page import add_report, best_measures
+from femimpact.app.report.result_page import ANOTHER_START, add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultFileWarning
 from femimpact.app.study.prepared import START, history_cost
+from femimpact.app.study.start import PartStart, state_of
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.tasks.task import Plan, study_files, write_files
@@ -127,7 +131,33 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
     places = definition.table.values(design.case)
     # a study without a file that says the same, or another drive
     with suppress(InputError, ValueError):
-        atomic_write(path, study_text(_moved(replace(study_with(study, places), plan=None), directory)))
+        chosen = replace(study_with(study, places), plan=None)
+        if definition.has_cycle:
+            chosen = replace(chosen, duration=definition.dwell / chosen.sine.frequency)
+        if chosen.start == "base":
+            chosen = replace(chosen, begins=_worst_begins(definition, chosen, best, design.case))
+        elsewhere = definition.starts > 1 and not chosen.begins
+        text = study_text(_moved(chosen, directory))
+        atomic_write(path, f"# {ANOTHER_START}\n{text}" if elsewhere and definition.nominal.balls else text)
+
+
+def _worst_begins(definition: ParameterStudy, study: Study, best: Any, case: int) -> tuple[PartStart, ...]:
+    """The tables [[start]] of the study of a case: its balls begin as in the worst of its starts."""
+    kept, start = [part for part in study.begins if part.ball is None], 0
+    if definition.starts > 1:
+        measure = [item.name for item in definition.chosen].index(best.measure)
+        values = evaluated(definition, np.array([case], dtype=np.int64)).values[0, :, measure]
+        start = int(np.nanargmax(values if best.better == "small" else -values))
+    elif not any(place.owner == "start" for place in definition.places):
+        return study.begins
+    names = [pair.name for pair in definition.nominal.balls]
+    channels = tuple(name for ball in names for name in (ball, f"{ball}.velocity"))
+    run = run_case(definition, case, start, Recorder(channels))
+    moving = state_of(kept, run.system).relative_to_base(run.system, run.base)[:2]
+    for pair in run.system.balls:
+        relative = [run[pair.name][0], run[f"{pair.name}.velocity"][0]] - np.array(moving) @ pair.direction
+        kept.append(PartStart(ball=pair.name, displacement=float(relative[0]), speed=float(relative[1])))
+    return tuple(kept)
 
 
 def _moved(study: Study, directory: Path) -> Study:
