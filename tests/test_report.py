@@ -27,13 +27,16 @@ from builders import (
 from test_markup import HOSTILE, Parsed
 
 import femimpact as fi
+from femimpact.app.report import script_page
 from femimpact.app.report.pictures import draw_again
 from femimpact.app.report.player import FULL, frames_of
+from femimpact.app.report.views import Measure
 from femimpact.app.results.results import read_summary
 from femimpact.app.study.findings import read_findings
 from femimpact.app.study.parameter_plan import BestPlan
 from femimpact.app.study.study import build_systems
 from femimpact.cli import app
+from femimpact.units import typeset_number
 
 pytestmark = pytest.mark.impacts
 
@@ -467,6 +470,25 @@ def test_a_script_writes_responses_curves_tables_and_maps(run, tmp_path):
     identifiers = [value for _, name, value in page.attributes if name == "id"]
     assert len(set(identifiers)) == len(identifiers)
     assert text.count('class="picture"') == text.count("<figcaption>") - 1 > 8
+
+
+def test_two_runs_of_the_command_line_stand_on_one_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, seconds in (("light", 1.0), ("heavy", 6.0)):
+        run_study(short_study(seconds, **NO_PICTURES), f"{name}-results", parts=("simulate",))
+    page = Path(__file__).parents[1] / "docs/howto/report.md"
+    *_, code = re.findall("(?s)```python\n(.*?)```", page.read_text(encoding="utf-8"))
+    exec(code, {})
+    text = Parsed((tmp_path / "two.html").read_text(encoding="utf-8")).text
+    for name in ("light", "heavy"):
+        found = fi.load(f"{name}-results")
+        assert f"Peak of the tip, {name.capitalize()}{typeset_number(1e3 * found.summary['history']['peak'])}" in text
+        assert all(f"{name.capitalize()}: {words}" in text for words in found.warnings)
+        history = found.history
+    # every peak of a channel of many values is drawn, and few values beside it
+    drawn = script_page._thinned(Measure(history, "tip", "tip")).dataset["tip"]
+    assert drawn.size <= script_page.MOST_VALUES < history["tip"].size
+    assert (drawn.max(), drawn.min()) == (history["tip"].max(), history["tip"].min())
 
 
 def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):

@@ -58,6 +58,9 @@ MOST_PANELS_EACH_WAY = 6
 LOGARITHMIC = 10.0
 """Largest over smallest value of a map beyond which its colours are logarithmic, where all values are above 0."""
 
+MOST_MARKS = 100
+"""Values of an axis that have a mark each: more would be a bar."""
+
 CORNER = 0.3
 """Sides of the mark in the corner of a cell, over those of the cell."""
 
@@ -159,7 +162,7 @@ def _line(dataset: xarray.Dataset, measure: str, title: str, axis: Axes) -> Axes
     room = LETTERS * axis.get_window_extent().width / axis.figure.dpi
     if words is not None or (1 + max(map(len, texts))) * np.ptp(x) <= room * step:
         axis.set_xticks(x, texts)
-    else:
+    elif x.size <= MOST_MARKS:
         # each value of the study has a mark, and some have their numbers
         axis.set_xticks(x, minor=True)
     label_axes(axis, label, _measure_label(dataset, measure, unit), title)

@@ -28,20 +28,24 @@ from femimpact.app.report.result_conclusions import (
     TRANSIENT,
     answer_of,
     answer_of_runs,
+    best_of,
     factor_words,
     number_conclusion,
+    result_conclusions,
     study_conclusions,
     study_failures,
     study_lead,
     study_missing,
     study_versions,
 )
-from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures, worst_words
+from femimpact.app.report.result_page import KEY_LETTERS, about_section, best_measures, records_of, worst_words
 from femimpact.app.report.structure_drawing import structure_element
-from femimpact.app.report.views import measures_of, sections_of, spectra_of
-from femimpact.app.results.picture_data import Run, SweptCurves
+from femimpact.app.report.views import Measure, measures_of, sections_of, spectra_of
+from femimpact.app.results.picture_data import ResultReading, Run, SweptCurves, read_results
+from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, place_words
 from femimpact.app.study.summary import kind_of_peak, peak_of_history, rms_of_history
+from femimpact.arrays import thinned_line
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
 from femimpact.errors import (
     Fault,
@@ -78,13 +82,17 @@ MOST_PLAYERS = 3
 
 NO_PLAYER = "The player of this run was left out for the size of the page: a report of this run alone has it."
 
+MOST_VALUES = 400
+"""Values over one axis of a dataset that a picture shows, each with a dot."""
+
 RECORDS = (
     DecayEstimate, PeriodicOrbit, Branch, Calibration, Spectrum, TransferFunction, ShockResponseSpectrum,
 )  # fmt: skip
 """Kinds of records whose pictures are all that a page has of them."""
 
 ALLOWED = (
-    "must be a Response, a FrequencyResponse or a mapping of names to them, a ConvergenceTable, a ConvergenceStudy, a "
+    "must be a Response, the StudyResults of fi.load, a FrequencyResponse or a mapping of names to them, a "
+    "ConvergenceTable, a ConvergenceStudy, a "
     "DecayEstimate, an orbit or a branch, a Calibration, a Preflight, a spectrum or a transfer function, an "
     "xarray.Dataset, a pandas.DataFrame, a figure of matplotlib, a record with to_pandas, or a mapping of names to "
     "columns of one length"
@@ -112,9 +120,9 @@ def report(
     ----------
     path : str or Path
     parts : mapping of str to result
-        Each under its heading: a `Response`, a `FrequencyResponse` or a mapping of names to several, a
-        `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, a `PeriodicOrbit`, a `Branch`, a `Calibration`, a
-        `Preflight`, a spectrum or a `TransferFunction`, a figure or axes of matplotlib, the dataset of
+        Each under its heading: a `Response`, what `load` returns of a run, a `FrequencyResponse` or a mapping of names
+        to several, a `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, a `PeriodicOrbit`, a `Branch`, a
+        `Calibration`, a `Preflight`, a spectrum or a `TransferFunction`, a figure or axes of matplotlib, the dataset of
         `parameter_study` (what is best, maps and cases), another `xarray.Dataset` (quantities over two axes become
         maps), a `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
     structure : Structure, optional
@@ -140,6 +148,7 @@ def report(
     require_type(parts, Mapping, "parts")
     for heading in parts:
         require_type(heading, str, "parts")
+    parts = {name: read_results(one.directory) if isinstance(one, StudyResults) else one for name, one in parts.items()}
     players = _players(parts, structure)
     sections = [
         section
@@ -161,11 +170,18 @@ def report(
         for name, curve in _curves(heading, part).items()
     }
     speaking = {**responses, **curves, **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate)}}
+    read = {heading: part for heading, part in parts.items() if isinstance(part, ResultReading)}
+    speaking |= {heading: part.findings for heading, part in read.items()}
     conclusions = (
         *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
         *_of_curves(curves),
         *_of_responses(responses),
         *(one for heading, part in parts.items() for one in _of_record(heading, part)),
+        *(
+            replace(one, label=f"{one.label}, {heading}")
+            for heading, part in read.items()
+            for one in result_conclusions(part, best_of(part))
+        ),
     )
     page = Page(
         title=title,
@@ -178,7 +194,10 @@ def report(
         ),
         drawing=_drawing(structure, responses),
         conclusions=conclusions,
-        missing=_of_studies(studies, study_missing),
+        missing=(
+            *_of_studies(studies, study_missing),
+            *(f"{heading}: {text}" for heading, part in read.items() for text in part.missing),
+        ),
         warnings=(*_said("warnings", speaking), *_of_studies(studies, study_failures)),
         notes=(*notes, *_said("notes", speaking)),
         sections=tuple(sections),
@@ -347,6 +366,9 @@ def _shown(heading: str, part: Any, key: str) -> tuple[list[Any], list[tuple[str
             return [], impacts or [("motion", words)]
         spectra, refused = spectra_of(part)
         return [Run(part), *spectra], [("spectra", element("p", words)) for words in refused]
+    if isinstance(part, ResultReading):
+        found, refused = records_of(part, best_of(part)[0])
+        return found, [("spectra", element("p", words)) for words in refused]
     if isinstance(part, ConvergenceTable | ConvergenceStudy):
         tables = list(part.tables.values()) if isinstance(part, ConvergenceStudy) else [part]
         return tables, [("convergence", table_element(summary_table(*table.summary()))) for table in tables]
@@ -358,10 +380,22 @@ def _shown(heading: str, part: Any, key: str) -> tuple[list[Any], list[tuple[str
         measures = measures_of(part)
         require(bool(measures), f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
         if not is_parameter_study(part):
-            return measures, []
+            drawn = [_thinned(one) for one in measures]
+            said = f"Of more than {MOST_VALUES} values in a line the lowest and the highest of each stretch are drawn."
+            thin = any(one is not other for one, other in zip(drawn, measures, strict=True))
+            return drawn, [("study", element("p", said))] * thin
         about = about_section(study_versions(part), None)
         return [*measures, part], [("cases", one) for one in about.content]
     return [], [("study", _table(heading, part))]
+
+
+def _thinned(one: Measure) -> Measure:
+    """A measure with no more values over its one axis than its picture has room for."""
+    values = one.dataset[one.name]
+    if values.ndim != 1 or values.size <= MOST_VALUES:
+        return one
+    chosen = thinned_line(values.to_numpy().astype(float), MOST_VALUES)
+    return replace(one, dataset=one.dataset[[one.name]].isel({values.dims[0]: chosen}))
 
 
 def _players(parts: Mapping[str, Any], structure: Structure | None) -> dict[str, Element]:
