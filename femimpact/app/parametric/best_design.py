@@ -227,7 +227,7 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             f"{told(best, values, names)} ({value_beside(best, design, value)}{motions_words(best, ends, '; its')})"
             for values, value, ends in zip(design.alike, design.alike_values, design.alike_groups, strict=True)
         ]
-        apart = f"overlapped by {_first_of(alike)}" if alike else "no other case overlaps it"
+        apart = f"as good within it: {_first_of(alike)}" if alike else "no other case is as good within it"
         yield f"90 % interval of the median {low} to {high}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"
