@@ -409,16 +409,18 @@ PARAMETER_DIGITS = 8
 """Significant digits of a value of the parameter of branches: bifurcations side by side differ there."""
 
 
-def parameter_text(value: float, unit: str) -> str:
+def parameter_text(value: float, unit: str, digits: int = PARAMETER_DIGITS) -> str:
     """A value of the parameter of branches with its unit."""
-    return f"{value:.{PARAMETER_DIGITS}g} {unit_words(value, unit)}".rstrip()
+    return f"{value:.{digits}g} {unit_words(value, unit)}".rstrip()
 
 
-def ranges_text(ranges: Sequence[tuple[float, float]], unit: str, most: int | None = None) -> str:
+def ranges_text(
+    ranges: Sequence[tuple[float, float]], unit: str, most: int | None = None, digits: int = PARAMETER_DIGITS
+) -> str:
     """Ranges of the parameter of branches with its unit; of more than `most` the widest, and how many more."""
     widest = sorted(sorted(ranges, key=lambda ends: ends[0] - ends[1])[:most])
     told = [
-        f"{low:.{PARAMETER_DIGITS}g} to {parameter_text(high, unit)}" if high > low else parameter_text(low, unit)
+        f"{low:.{digits}g} to {parameter_text(high, unit, digits)}" if high > low else parameter_text(low, unit, digits)
         for low, high in widest
     ]
     return ", ".join([*told, *([f"and {len(ranges) - len(told)} more"] if len(ranges) > len(told) else [])])

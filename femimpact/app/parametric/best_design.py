@@ -227,10 +227,9 @@ def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = 
             f"{told(best, values, names)} ({value_beside(best, design, value)}{motions_words(best, ends, '; its')})"
             for values, value, ends in zip(design.alike, design.alike_values, design.alike_groups, strict=True)
         ]
-        apart = f"overlapped by {_first_of(alike)}" if alike else "no other case overlaps it"
-        each = f", each end the worst over {' and '.join(names.get(axis, axis) for axis in best.worst_over)}" * bool(
-            best.worst_over
-        )
+        apart = f"as good within it: {_first_of(alike)}" if alike else "no other case is as good within it"
+        over = " and ".join(names.get(axis, axis) for axis in best.worst_over)
+        each = f", each end the worst over {over}" if over else ""
         yield f"90 % interval of the median {low} to {high}{each}; {apart}"
     else:
         yield f"with starts = {best.starts} there is no interval: from 5 on cases that are as good are named"

@@ -173,7 +173,7 @@ def labels_of(study: ParameterStudy) -> dict[str, Any]:
             "place": str(study.observed),
             "contact_laws": ", ".join(f"{pair.name}: {pair.law.name}" for pair in study.nominal.contacts),
             "beam_length": study.nominal.length,
-            "warnings": "; ".join(warnings),
+            "warnings": "\n".join(warnings),
             **_description(study),
         },
     }
@@ -342,7 +342,7 @@ def dataset_of(
     peaks = [values[name] for name in ("peak", "peak_high") if name in values]
     length = attributes.pop("beam_length", 0.0)
     bends = deflection_warnings(np.concatenate(peaks), length) if peaks else ()
-    said = "; ".join(filter(None, (attributes.pop("warnings", ""), *bends)))
+    said = "\n".join(filter(None, (attributes.pop("warnings", ""), *bends)))
     attributes |= {"warnings": said} if said else {}
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"

@@ -57,6 +57,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+ANSWER_DIGITS = 5
+"""Of ends of stable ranges; the tables have them all."""
+
 ORDERED = "of the response without contacts"
 """What has an order of convergence. Forces of contacts have none, and take more modes."""
 
@@ -201,7 +204,7 @@ def _orbits(findings: Findings) -> list[Conclusion]:
     if orbits is None or not orbits.branches:
         return []
     ranges = {i: branch.stable for i, branch in enumerate(orbits.branches, 1) if branch.stable}
-    stable = [f"branch {i} {ranges_text(each, orbits.unit, 2)}" for i, each in ranges.items()]
+    stable = [f"branch {i} {ranges_text(each, orbits.unit, 2, ANSWER_DIGITS)}" for i, each in ranges.items()]
     where = f"stable: {'; '.join(stable[:MOST_NAMED])}" if stable else "no stable orbits"
     if len(stable) > MOST_NAMED:
         where += f"; and orbits of {len(stable) - MOST_NAMED} more branches"
@@ -335,7 +338,7 @@ def _damping(findings: Findings) -> Iterator[Conclusion]:
             ratio, low, high = interval_texts(*(100 * one for one in (empty.damping_fit, *empty.damping_fit_interval)))
             words = f"95 % interval {low} to {high} %"
         half, coarse = empty.damping_half_power, " (not resolved)" if empty.resolved is False else ""
-        details = (f"by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
+        details = (f"as a check: by half-power {typeset_number(100 * half)} %{coarse}",) if _known(half) else ()
         label = f"Damping ratio without {findings.carried}"
         yield Conclusion(label, ratio, "%", words, note="one-pole fit of the curve", details=details)
 
@@ -672,7 +675,7 @@ def study_failures(data: xarray.Dataset) -> tuple[str, ...]:
         first = next((str(reason) for reason in data["failure"].to_numpy().ravel() if reason), "not known")
         count = int(np.count_nonzero(failed))
         lines.append(f"{count} of {failed.size} cases have starts that failed, the first: {first}")
-    return (*lines, *filter(None, [data.attrs.get("warnings")]))
+    return (*lines, *data.attrs.get("warnings", "").splitlines())
 
 
 def study_versions(data: xarray.Dataset) -> Findings:
