@@ -35,7 +35,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
     ),
     "test_restitution_over_speed.py": (
         Mutation("speed_of_a_rebound", "restitution_of(hit, approach, c) : 0.0", "restitution_of(hit, 0.0, c) : 0.0"),
-        Mutation("slope_of_a_rebound", "(1.0 + restitution + more)[:, None]", "(1.0 + restitution)[:, None]"),
+        Mutation("slope_of_a_rebound", "(1.0 + restitution + change)[:, None]", "(1.0 + restitution)[:, None]"),
         Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
     ),
     "test_held_tip.py": (

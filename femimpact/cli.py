@@ -615,12 +615,10 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         where.print(line)
     for text in warned:
         where.print(f"warning: {text}", style="yellow")
-    best = directory / FILES["best_study"].name
+    best = f"femimpact run {directory / FILES['best_study'].name}{other_start_words(results)}"
     for line in (
         _warnings_page() if warned else "",
-        f"run the best case where it is worst, with its report: femimpact run {best}{other_start_words(best)}"
-        if best.exists()
-        else "",
+        f"run the best case where it is worst, with its report: {best}" if results.best_design else "",
         f"to look at: {directory / REPORT}" if (directory / REPORT).is_file() else "",
         f"results in {directory}",
     ):

@@ -737,10 +737,10 @@ def warns(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _warnings_of(result: Any) -> tuple[str, ...]:
-    """Warnings that a result holds: as texts, or as one text among the attributes of a dataset."""
+    """Warnings that a result holds: as texts, or as lines of one text among the attributes of a dataset."""
     attributes = getattr(result, "attrs", None)
     if attributes is not None:
-        return tuple(filter(None, (attributes.get("warnings"),)))
+        return tuple(str(attributes.get("warnings", "")).splitlines())
     return tuple(getattr(result, "warnings", ()))
 
 

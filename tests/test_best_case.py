@@ -25,7 +25,7 @@ from matplotlib.colors import to_rgb
 import femimpact as fi
 from femimpact.app.parametric.best import best_cases
 from femimpact.app.parametric.best_design import marks_of, worst_over_axes
-from femimpact.app.report.result_page import best_measures
+from femimpact.app.report.result_page import best_measures, write_report
 from femimpact.app.report.views import pictures_of
 from femimpact.app.study.study import read_mesh_of
 from femimpact.app.tasks.study_command import plan_of_cases
@@ -692,8 +692,17 @@ def test_the_study_of_the_best_case_begins_where_the_study_was_at_its_worst(tmp_
     print_results(tmp_path / "results")
     said = "another start, another value" in " ".join(capsys.readouterr().out.split())
     assert (bool(chosen.begins), said) == (start == "base", start == "space")
+    page = write_report(tmp_path / "results").read_text(encoding="utf-8")
+    assert ("another start, another value)" in page) == said
     if start == "base":
         run = fi.run_study(chosen, tmp_path / "run", parts=("simulate",))
         # the peak of samples, beside that of the motion itself
         assert run.summary["history"]["peak"] == pytest.approx(found["peak_high"].to_numpy()[best.case], rel=2e-3)
         assert found["peak_high"].to_numpy()[best.case] > 1.002 * found["peak_low"].to_numpy()[best.case]
+    # a file of another program has its name
+    (tmp_path / "results" / "best.toml").write_bytes(b"\xff\x00")
+    print_results(tmp_path / "results")
+    assert "best.toml" not in capsys.readouterr().out
+    page = write_report(tmp_path / "results").read_text(encoding="utf-8")
+    assert "femimpact run best.toml" not in page
+    assert "best.toml" in page[page.index("What is missing") :]

@@ -9,6 +9,7 @@ from builders import run_study, write_parameter_study
 from test_study_forces import HAMMER, REST, SINE, read
 
 import femimpact as fi
+from femimpact.app.report.views import spectra_of
 from femimpact.excitation.drives import drive_words
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
@@ -145,6 +146,16 @@ def test_a_blow_beside_a_ball_has_its_spectra_or_the_reason(tmp_path):
     damping = "[damping]\nratio = 0.01\nmodes = [1, 2]\n"
     text = ran(tmp_path, ball, damping, REST.replace('"static"', '"base"'), HAMMER)[1]
     assert "No spectrum of tip: base.history = 2.0 s" in text
+
+
+def test_a_record_of_few_samples_has_no_response_spectrum():
+    """Its highest frequency, a tenth of the reading rate, is not above its lowest, a period of the whole."""
+    system = fi.System.from_matrices([[1.0]], [[0.4]], [[900.0]], points={"mass": [1.0]})
+    for count, is_there in ((2, False), (10, False), (11, True)):
+        record = fi.RecordedBase([(-1.0) ** i for i in range(count)], interval=1e-3)
+        spectra, refused = spectra_of(fi.integrate(system, record, fi.EventDriven(), 0.1))
+        assert (len(spectra), len(refused)) == (is_there, 1 - is_there)
+        assert all(one.frequency[0] < one.frequency[-1] for one in spectra)
 
 
 def test_a_stepped_sine_over_gaps_says_where_its_frequencies_are(tmp_path):

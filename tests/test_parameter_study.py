@@ -1109,5 +1109,8 @@ def test_a_stop_on_one_side_stays_open_on_the_other_whatever_its_gap(open_side):
         for values in (axis, [sides(gap) for gap in axis]):
             found = fi.parameter_study(given, {path: values}, ["peak"], cycles=30, excitation=excitation)
             assert found["peak"].values.tolist() == pytest.approx(alone, rel=1e-12)
+        mixed = fi.parameter_study(given, {path: [1e-3, sides(2e-3)]}, ["peak"], cycles=30, excitation=excitation)
+        gaps = [mixed[f"{path}.{side}"].values.tolist() for side in ("plus", "minus")]
+        assert list(zip(*gaps, strict=True)) == [sides(gap) for gap in axis]
     changed = study_with(own, {paths_of_study(own)[path]: 1e-3})
     assert changed.structure.stops[0].gap == sides(1e-3)

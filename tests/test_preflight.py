@@ -671,6 +671,13 @@ def test_a_study_says_that_the_beam_bends_far_as_a_run_does():
     (said,) = (text for text in run.warnings if "linear beam theory" in text)
     assert float(found["peak"].max()) > 0.1 * system.length
     assert said.partition("up to")[0] in found.attrs["warnings"]
+    soft = with_contact_time(0.1)
+    with pytest.warns(fi.ResultWarning) as caught:
+        both = fi.parameter_study(soft, {"base.frequency": [5.3]}, ["peak"], excitation=fi.Sine(5e-3, 5.0), cycles=60)
+    # each is a warning of its own, on one line
+    told = both.attrs["warnings"].splitlines()
+    assert [str(one.message).removesuffix(" (docs/reference/warnings.md)") for one in caught] == told
+    assert ["contact time of ball" in told[0], "linear beam theory" in told[-1], len(told) > 1] == [True] * 3
     small = fi.parameter_study(
         system, {"base.amplitude": [1e-6, 2e-6]}, ["peak"], excitation=fi.Sine(1e-3, 5.0), cycles=6
     )

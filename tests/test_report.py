@@ -679,6 +679,13 @@ def test_a_sheet_has_the_answer_and_one_picture_and_neither_paths_nor_residuals(
     # the same by the command and by the key of a study
     app(["report", str(results), "--short", "-o", str(results / "again.html")], result_action="return_value")
     assert (results / "again.html").read_text(encoding="utf-8") == text
+    # of the damping an interval may be left out, and not that the curve has another shape
+    said = ["with ball: fit: no interval: the misfit", "with ball: fit: the curve is not that of one pole"]
+    summary = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    (results / "summary.json").write_text(json.dumps(summary | {"warnings": said}), encoding="utf-8")
+    sheet = write_report(results, results / "sheet.html", True).read_text(encoding="utf-8")
+    assert [words in sheet for words in said] == [False, True]
+    assert all(words in write_report(results).read_text(encoding="utf-8") for words in said)
     # without a path it leaves the report as it is
     full = text_of(results)
     assert write_report(results, short=True) == results / "sheet.html"

@@ -88,7 +88,7 @@ def test_a_study_leaves_one_page_with_its_smallest_and_largest_values(sound):
     assert "230.3 mm" in Parsed(section(text, "structure")).text
     assert section(text, "study").count('class="picture"') == 2
     assert section(text, "cases").count("<tr>") == 1 + 6
-    assert "0 of the 5 starts" in Parsed(section(text, "versions")).text
+    assert "0, of the 5 starts" in Parsed(section(text, "versions")).text
     assert "What is missing" not in text
 
 
@@ -290,7 +290,7 @@ def test_a_script_that_gives_the_dataset_has_what_the_page_of_the_study_holds(so
     assert Parsed(section(script, "conclusions")).text.partition("Notes")[0] == beside
     for lead in study_lead(data):
         assert lead in Parsed(script).text
-    for words in ("A row for each case", "peak (mm)", "gap of ball (mm)", "0 of the 5 starts"):
+    for words in ("A row for each case", "peak (mm)", "gap of ball (mm)", "0, of the 5 starts"):
         assert words in Parsed(script).text.replace("\u00a0", " ")
     assert section(script, "part-1").count("picture") == section(own, "study").count("picture")
     # numbers of one quantity have one unit in cards, maps and tables; the files stay in SI

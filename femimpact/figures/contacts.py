@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 def _shown_time(response: Response) -> tuple[float, float]:
     """Begin and end (s) of the impacts that are shown: the last third of a run, and all where none is in that."""
     begin, end = response.window
-    shown = (response.impacts.time >= begin) & (response.impacts.time < end)
-    whole = isinstance(response.base, Rest) or not shown.any()
+    inside = (response.impacts.time >= begin) & (response.impacts.time < end)
+    whole = isinstance(response.base, Rest) or not inside.any()
     return (response.start if whole else begin), end
 
 
@@ -48,7 +48,8 @@ def _shown_time(response: Response) -> tuple[float, float]:
 def impact_histograms(response: Response, figure: FigureBase | OffScreen | None = None) -> NDArray[np.object_]:
     """Histograms of the impacts in the last third of a run: approach speed, impulse, energy loss.
 
-    Of a free decay they are those of the whole run. Both walls are stacked; the dashed line is the mean.
+    They are those of the whole run of a free decay, and where no impact lies in the last third. Both walls are
+    stacked; the dashed line is the mean.
 
     Parameters
     ----------
@@ -95,7 +96,8 @@ def impact_histograms(response: Response, figure: FigureBase | OffScreen | None 
 def impulse_phase(response: Response, ax: Axes | OffScreen | None = None) -> Axes:
     """Impulse of each impact over the base's phase, last third of the run, with the regime in the title.
 
-    Of an excitation that has no phase it is over time, of a free decay in the whole run.
+    Of an excitation that has no phase it is over time. The whole run is shown of a free decay, and where no impact lies
+    in the last third.
 
     Parameters
     ----------

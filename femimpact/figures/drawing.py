@@ -80,8 +80,8 @@ class OffScreen:
 
 
 def walls_of(response: Response) -> list[tuple[int, str, str, str]]:
-    """Those of `WALLS` that a ball or stop of a response has: a stop on one side has one."""
-    gaps = [pair.gaps for pair in response.system.contacts]
+    """Those of `WALLS` that a ball or stop of a response has, as one of a stop on one side; without contacts both."""
+    gaps = [pair.gaps for pair in response.system.contacts] or [(0.0, 0.0)]
     return [wall for wall in WALLS if any(math.isfinite(each[0 if wall[0] > 0 else 1]) for each in gaps)]
 
 

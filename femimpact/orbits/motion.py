@@ -135,15 +135,15 @@ class HybridSystem:
         push, is_impact = self.force.T[pair] / self.mass, np.array([name == IMPACT for name in kind])
         unit = is_impact * side / (self.force.T[pair] * push).sum(axis=1)
         unit = np.concatenate([0.0 * push, unit[:, None] * push], axis=1)
-        restitution, more = self.restitution[pair], np.zeros_like(speed)
+        restitution, change = self.restitution[pair], np.zeros_like(speed)
         if any(self.over_speed):
             # of a step of the search the pair may leave its wall
             sizes = np.where(speed.real < 0.0, -speed, speed)
             at_speed = [restitution_over(self.over_speed[j], v) for j, v in zip(pair.tolist(), sizes, strict=True)]
             both = zip(at_speed, restitution, strict=True)
             restitution = np.array([constant if over is None else over for (over, _), constant in both])
-            more = sizes * np.array([slope for _, slope in at_speed])
-        return unit * (1.0 + restitution)[:, None], unit * (1.0 + restitution + more)[:, None]
+            change = sizes * np.array([slope for _, slope in at_speed])
+        return unit * (1.0 + restitution)[:, None], unit * (1.0 + restitution + change)[:, None]
 
 
 def pressed_in(contact_state: NDArray[Any]) -> Array:

@@ -45,6 +45,7 @@ from femimpact.figures.study_labels import PAIRED, STATISTICS, path_words
 from femimpact.files import atomic_write, to_disk
 from femimpact.integrators.planned_drive import PreflightRow, contact_notes, step_rows
 from femimpact.response.cycles import deflection_warnings
+from femimpact.structure.structure import gaps_with
 from femimpact.system.system import System, without_impactors
 from femimpact.units import unit_text
 
@@ -192,8 +193,10 @@ def _axis(study: ParameterStudy, axis: int) -> Iterator[tuple[str, list[Any]]]:
         yield place.path, [dims, values, described]
         return
     yield place.path, [dims, list(range(len(values))), {"long_name": f"{words}{PAIRED}"}]
+    # of a number a side that is open stays so
+    own = next((pair.gaps for pair in study.nominal.contacts if pair.name == place.part), (0.0, 0.0))
     for i, side in enumerate(("plus", "minus")):
-        gaps = [value[i] if isinstance(value, tuple) else value for value in values]
+        gaps = [gaps_with(own, value)[i] for value in values]
         yield f"{place.path}.{side}", [dims, gaps, described | {"long_name": f"{words}, to the {side} side"}]
 
 
@@ -342,8 +345,8 @@ def dataset_of(
     peaks = [values[name] for name in ("peak", "peak_high") if name in values]
     length = attributes.pop("beam_length", 0.0)
     bends = deflection_warnings(np.concatenate(peaks), length) if peaks else ()
-    said = "\n".join(filter(None, (attributes.pop("warnings", ""), *bends)))
-    attributes |= {"warnings": said} if said else {}
+    warnings = "\n".join(filter(None, (attributes.pop("warnings", ""), *bends)))
+    attributes |= {"warnings": warnings} if warnings else {}
     if columns.starts >= LEAST_FOR_INTERVAL:
         attributes["median_interval"] = "90 %, by order statistics"
     return xarray.Dataset(variables, coords=coordinates, attrs=attributes)

@@ -168,6 +168,12 @@ def factor_words(ratio: float) -> str:
     return SAME if factor == "1" else f"{factor} times {'less' if ratio >= 1.0 else 'more'}"
 
 
+def than_words(ratio: float) -> str:
+    """The same before the name of the first of them."""
+    factor = factor_words(ratio)
+    return f"{factor} {'as' if factor == SAME else 'than'}"
+
+
 def result_warnings(results: ResultReading) -> tuple[str, ...]:
     """What is warned of in a directory of results, on its page and on the terminal alike."""
     data, name = results.parameter_study, FILES["parameter_study"].name
@@ -682,7 +688,7 @@ def study_versions(data: xarray.Dataset) -> Findings:
     """Versions and seeds of a parameter study, which has no summary."""
     versions = {name: str(data.attrs[name]) for name in ("femimpact", "numpy", "scipy", "python") if name in data.attrs}
     starts = int(data.attrs["starts"])
-    seeds = [f"{data.attrs['seed']} of the {starts} starts"] if starts > 1 else []
+    seeds = [f"{data.attrs['seed']}, of the {starts} starts"] if starts > 1 else []
     seeds += [f"sample: {data.attrs['sample']}"] if "sample" in data.attrs else []
     known = {"sources": str(data.attrs["core"])} if "core" in data.attrs else {}
     return Findings(versions=versions, core=known, seeds=tuple(seeds))

@@ -39,12 +39,12 @@ from femimpact.app.report.player import player_element
 from femimpact.app.report.result_conclusions import (
     answer_of,
     best_of,
-    factor_words,
     result_conclusions,
     result_warnings,
     study_lead,
     study_missing,
     study_versions,
+    than_words,
 )
 from femimpact.app.report.structure_drawing import OF_FILE, structure_element, structure_words
 from femimpact.app.report.views import NOT_DRAWN, SECTIONS, Measure, measures_of, one_panel, sections_of, spectra_of
@@ -139,13 +139,13 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
     drawing = None
     if study is not None and system is not None:
         varied = {} if results.parameter_study is None else _varied(study)
-        shown, whose = results.best_design or (study, OF_FILE)
-        places = system if shown is study else drawn_system(shown.structure, results.findings.points)
+        design, of_design = results.best_design or (study, OF_FILE)
+        places = system if design is study else drawn_system(design.structure, findings.points)
         drawing = results.attempt(
             "drawing of the structure",
-            lambda: structure_element(placed_structure(shown.structure, places), varied, whose),
+            lambda: structure_element(placed_structure(design.structure, places), varied, of_design),
         )
-    best = best_of(results)
+    best, next_step = best_of(results), _next_step(results)
     conclusions = result_conclusions(results, best)
     studied, about = _of_parameter_study(results)
     worth = results.attempt("what the best case is worth", lambda: _worth(results, best[0]))
@@ -183,7 +183,7 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
         warnings=warnings,
         notes=findings.notes or (() if conclusions or results.missing or warnings else (NO_NUMBERS,)),
         sections=tuple(sections),
-        first=(*first, *_next_step(results.folder)),
+        first=(*first, *next_step),
     )
     return short_page(page) if short else page
 
@@ -197,8 +197,8 @@ ON_SHEET = ("best", "response", "orbits", "convergence", "study", "motion")
 LEFT_OFF_SHEET = ("Energy unaccounted for",)
 """Conclusions that check the computation."""
 
-KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$"), (": fit: ", ": half-power: ")
-"""What details have in them that a sheet keeps, and warnings that check an estimate."""
+KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$"), (": fit: no interval: ", ": half-power: ")
+"""What details have in them that a sheet keeps, and warnings of an interval or of a second estimate, which has none."""
 
 
 def short_page(page: Page) -> Page:
@@ -240,20 +240,23 @@ def short_page(page: Page) -> Page:
 # ---- what was computed ----------------------------------------------------------------------------
 
 
-def other_start_words(best: Path) -> str:
-    """That the study file of a best case has another start than the study ran, where its first line says so."""
-    return f" ({ANOTHER_START})" if best.read_text(encoding="utf-8").startswith(f"# {ANOTHER_START}") else ""
+def other_start_words(results: ResultReading) -> str:
+    """That a run of the best case has another start than the study ran, where its study file keeps none of them."""
+    data, (best, _) = results.parameter_study, results.best_design or (None, "")
+    several = data is not None and int(data.attrs.get("starts", 1)) > 1
+    another = several and best is not None and best.structure.impactors and not best.begins
+    return " (the study ran other starts of the balls: another start, another value)" if another else ""
 
 
-def _next_step(folder: Path) -> list[Section]:
-    """How to run the best case of a parameter study, where its study file is there."""
-    name = FILES["best_study"].name
-    if not (folder / name).exists():
+def _next_step(results: ResultReading) -> list[Section]:
+    """How to run the best case of a parameter study, where its study file can be read."""
+    if results.best_design is None:
         return []
+    name = FILES["best_study"].name
     words = (
         f"'femimpact run {name}' in the folder of this page runs the best case where it is worst, with its own report"
     )
-    return [Section("next", "The next step", (element("p", f"{words}{other_start_words(folder / name)}."),))]
+    return [Section("next", "The next step", (element("p", f"{words}{other_start_words(results)}."),))]
 
 
 def _varied(study: Study) -> dict[str, list[str]]:
@@ -310,7 +313,7 @@ def _worth(results: ResultReading, best: Mapping[str, BestCase]) -> tuple[list[s
     lines, factor = [*worst_words(data, case)], ""
     if known is not None:
         sentence, ratio = known
-        lines, factor = [*lines, sentence], f", {factor_words(ratio)} than without {results.findings.carried}"
+        lines, factor = [*lines, sentence], f", {than_words(ratio)} without {results.findings.carried}"
     if others or design.reason:
         return lines, ""
     value = unit_text(design.value, case.units[case.measure])
@@ -342,9 +345,6 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
 
 
 FREQUENCY = "base.frequency"
-
-ANOTHER_START = "the study ran other starts of the balls: another start, another value"
-"""First line of a study file of the best case that does not begin as the study did."""
 
 
 def _foot(results: ResultReading, findings: Findings) -> str:
@@ -520,7 +520,7 @@ def _motion(results: ResultReading) -> Beside:
 
 def _boxes(results: ResultReading) -> Beside:
     """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
-    study, whose = results.best_design or (results.study, "by the gaps of the study file")
+    study, of_design = results.best_design or (results.study, "by the gaps of the study file")
     balls = [one for one in study.structure.impactors if one.material] if study else []
     impacts = results.table(FILES["impacts"].name) if balls else None
     rows = []
@@ -534,9 +534,9 @@ def _boxes(results: ResultReading) -> Beside:
     names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
     of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
     header = ("ball", "material", "wall", *names, *of_impact)
-    kept = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
-    cells = tuple(tuple(row[i] for i in kept) for row in rows)
-    return [Table(f"Balls and their boxes, {whose}", tuple(header[i] for i in kept), cells)] if rows else []
+    filled = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
+    cells = tuple(tuple(row[i] for i in filled) for row in rows)
+    return [Table(f"Balls and their boxes, {of_design}", tuple(header[i] for i in filled), cells)] if rows else []
 
 
 def _player(results: ResultReading) -> Beside:

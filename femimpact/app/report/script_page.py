@@ -381,9 +381,9 @@ def _shown(heading: str, part: Any, key: str) -> tuple[list[Any], list[tuple[str
         require(bool(measures), f"parts.{heading}", "a dataset", "", "must hold numbers over one axis or more")
         if not is_parameter_study(part):
             drawn = [_thinned(one) for one in measures]
-            said = f"Of more than {MOST_VALUES} values in a line the lowest and the highest of each stretch are drawn."
+            thinning = f"Of over {MOST_VALUES} values in a line the lowest and the highest of each stretch are drawn."
             thin = any(one is not other for one, other in zip(drawn, measures, strict=True))
-            return drawn, [("study", element("p", said))] * thin
+            return drawn, [("study", element("p", thinning))] * thin
         about = about_section(study_versions(part), None)
         return [*measures, part], [("cases", one) for one in about.content]
     return [], [("study", _table(heading, part))]

@@ -70,19 +70,19 @@ OF_FILE = "in the study file"
 """Where the values of a part that a study varies are from."""
 
 
-def varied_words(names: Sequence[str], whose: str = OF_FILE) -> str:
+def varied_words(names: Sequence[str], of_design: str = OF_FILE) -> str:
     """Whose the values of a part are that the study varies; empty without any."""
     axes = f"{' and '.join(names)} {'is an axis' if len(names) == 1 else 'are axes'} of the study"
-    return f", {whose}; {axes}" if names else ""
+    return f", {of_design}; {axes}" if names else ""
 
 
 def part_words(
     placed: PlacedStructure, letters: dict[str, str], varied: Mapping[str, Sequence[str]] = NO_AXES,
-    whose: str = OF_FILE,
+    of_design: str = OF_FILE,
 ) -> Iterable[tuple[str, str]]:  # fmt: skip
     """Letter and name of each part, and words for it, with those of its values that a study varies."""
     for head, owner, words in _part_words(placed, letters):
-        yield head, f"{words}{varied_words(varied.get(owner, ()), whose)}"
+        yield head, f"{words}{varied_words(varied.get(owner, ()), of_design)}"
 
 
 def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tuple[str, str, str]]:
@@ -108,8 +108,8 @@ def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tu
         yield dashpot.name, owner, f"dashpot of {typeset_number(dashpot.damping)} N s/m at {_at(dashpot.at)}"
 
 
-def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact, whose: str) -> str:
-    return varied_words([name for name in varied.get(f"impactor.{ball.name}", ()) if name == "gap"], whose)
+def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact, of_design: str) -> str:
+    return varied_words([name for name in varied.get(f"impactor.{ball.name}", ()) if name == "gap"], of_design)
 
 
 def _segment_words(segment: Segment) -> str:
@@ -162,7 +162,7 @@ MOST_CLOSE = 4
 def structure_element(
     placed: PlacedStructure,
     varied: Mapping[str, Sequence[str]] = NO_AXES,  # fields that a study varies, by parts as "impactor.ball"
-    whose: str = OF_FILE,  # their values are
+    of_design: str = OF_FILE,  # words for the design whose values stand there
 ) -> Element:
     """The structure at one scale, each ball in its box at a larger one, and the parts in words."""
     names = [*(body.name for body, _ in placed.bodies), *(one.name for one in placed.contacts)]
@@ -175,13 +175,13 @@ def structure_element(
             _detail(placed, ball),
             element(
                 "figcaption",
-                f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}{_of_gap(varied, ball, whose)}",
+                f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}{_of_gap(varied, ball, of_design)}",
             ),
         )
         for ball in [one for one in placed.contacts if not one.is_stop and one.has_walls][:MOST_CLOSE]
     ]
     parts = (
-        element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters, varied, whose)
+        element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters, varied, of_design)
     )
     scale = "Lengths, thicknesses, gaps and balls are to one scale. Balls and bodies are drawn as steel of their mass"
     boxed = any(placed.box_of(one) for one in placed.contacts)

@@ -96,6 +96,8 @@ def spectra_of(
         return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
     if isinstance(run.base, RecordedBase):
         # from a period of the whole record to where straight lines between its samples are still the motion
+        if run.base.samples.size * FOLLOWED <= 1.0:
+            return [], [f"No response spectrum: the record has only {run.base.samples.size} samples."]
         f = np.geomspace(1.0 / (run.base.samples.size * run.base.interval), FOLLOWED / run.base.interval, 60)
         return [shock_response_spectrum(run.base, f, SHOCK_RATIO)], []
     history, refused = drive_history(run), list[str]()

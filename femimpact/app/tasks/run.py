@@ -126,8 +126,8 @@ def run_without(prepared: PreparedStudy, report: Report = _silent) -> Response |
     left_out = {"contact_force", *(pair.name for pair in small.contacts)}
     channels = [name for name in prepared.record.channels or () if str(name).partition(".")[0] not in left_out]
     record = replace(prepared.record, channels=tuple(channels), snapshots=0, ledger=False, state_at=None)
-    start, said = _without_balls(prepared.initial), partial(report, f"history without {prepared.carried}")
-    return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, said)
+    start, of_history = _without_balls(prepared.initial), partial(report, f"history without {prepared.carried}")
+    return integrate(bare, study.excitation, prepared.method, study.history_duration, record, start, of_history)
 
 
 def _without_balls(state: State) -> State:
@@ -442,8 +442,8 @@ def history_part(prepared: PreparedStudy, response: Response, report: Report) ->
 
             files[key] = lambda path: vtk.write_deflection(path, response, study.structure, scale)
     findings = findings_of_history(prepared, response, run_without(prepared, report))
-    said = (*findings_of(prepared).warnings, *findings.warnings)
-    history = history.assign_attrs(warnings="; ".join(said))
+    warnings = (*findings_of(prepared).warnings, *findings.warnings)
+    history = history.assign_attrs(warnings="; ".join(warnings))
     return Finished("history", files, findings)
 
 

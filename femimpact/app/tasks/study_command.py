@@ -22,7 +22,7 @@ from femimpact.app.parametric.paths import Stage, study_with
 from femimpact.app.parametric.runs import evaluated, run_case
 from femimpact.app.parametric.verb import StudyProgress, block_cases, connected, run_parameter_study, to_stderr
 from femimpact.app.report.markup import Element
-from femimpact.app.report.result_page import ANOTHER_START, add_report, best_measures
+from femimpact.app.report.result_page import add_report, best_measures
 from femimpact.app.report.views import measures_of, save_pictures
 from femimpact.app.results.result_directory import BEST_FIGURE, FILES, ResultFileWarning
 from femimpact.app.study.prepared import START, history_cost
@@ -136,9 +136,7 @@ def _write_best(definition: ParameterStudy, best: BestCase | None, directory: Pa
             chosen = replace(chosen, duration=definition.dwell / chosen.sine.frequency)
         if chosen.start == "base":
             chosen = replace(chosen, begins=_worst_begins(definition, chosen, best, design.case))
-        elsewhere = definition.starts > 1 and not chosen.begins
-        text = study_text(_moved(chosen, directory))
-        atomic_write(path, f"# {ANOTHER_START}\n{text}" if elsewhere and definition.nominal.balls else text)
+        atomic_write(path, study_text(_moved(chosen, directory)))
 
 
 def _worst_begins(definition: ParameterStudy, study: Study, best: Any, case: int) -> tuple[PartStart, ...]:

@@ -46,12 +46,12 @@ constexpr double UNMET_SHARE = 1e-6;
 // pieces of the pair, each with its first speed, a, b and p, say how it depends on the speed.
 [[gnu::always_inline]] inline double restitution_of(Index j, double approach, const Case &c) {
     GivenArray pieces = c.over_speed.row(j);
-    double found = c.restitution(j);
+    double restitution = c.restitution(j);
     for (Index k = 0; k < pieces.size() && pieces(k) <= approach; k += 4) {
         double power = pieces(k + 3) == 1.0 ? approach : __builtin_pow(approach, pieces(k + 3));
-        found = pieces(k + 1) + (pieces(k + 2) != 0.0 ? pieces(k + 2) * power : 0.0);
+        restitution = pieces(k + 1) + (pieces(k + 2) != 0.0 ? pieces(k + 2) * power : 0.0);
     }
-    return found;
+    return restitution;
 }
 
 // Time (s) that the bounces to come take if none rises above the closure, else -1.
