@@ -380,7 +380,7 @@ def test_starts_of_cases_without_cycles_lie_in_the_gap_and_the_first_state_has_t
     [
         ({"measures": ["first_harmonic"]}, "measures = 'first_harmonic': needs cycles of the base, which a motion of"),
         ({"cycles": 12}, "cycles = 12: must be left out: a motion of kind 'chirp' has no cycle"),
-        ({"axes": {"base.frequency": [5.0]}}, "base.frequency: unknown"),
+        ({"axes": {"base.frequency": [5.0]}}, "base.frequency: is no number of this base"),
         ({"axes": {"base.initial": ["moving"]}}, "base.initial = 'moving': must be 'base' or 'space' or 'static'"),
         ({"axes": {"base.acceleration": [-1.0]}}, "base.acceleration = -1.0 m/s^2: must be a finite number >= 0"),
     ],

@@ -441,3 +441,18 @@ def test_stepped_sine_of_a_plan() -> None:
     expected = fi.SteppedSine([10, 20, 30], seconds=2.0, fade=0.1, acceleration=levels)
     assert study.excitation == expected
     assert same_study(read(study_text(study)), study)
+
+
+@pytest.mark.parametrize(
+    "levels", ['{ from = "36 Hz", to = "48 Hz", points = 3 }', '["36 Hz", "40 Hz"]', "[36.0, 40.0]"]
+)
+def test_the_frequency_of_a_stepped_sine_is_no_axis_and_the_way_is_named(levels: str) -> None:
+    base = 'kind = "stepped-sine"\nfrequencies = [36.0, 48.0]\ncycles = 9\nacceleration = 1.0\n'
+    head, _, rest = paper_study_text().partition("[base]")
+    text = f"{head}[base]\n{base}\n[" + rest.partition("\n[")[2]
+    text = text.partition("[sweep]")[0] + f'[study]\nmeasures = ["peak"]\n[study.axes]\n"base.frequency" = {levels}\n'
+    with pytest.raises(fi.InputError) as error:
+        definition_of(read(text))
+    (fault,) = error.value.faults
+    assert fault.key == "study.axes.base.frequency"
+    assert fault.allowed.endswith("an axis of frequencies takes [base] of kind 'sine', with acceleration or amplitude")

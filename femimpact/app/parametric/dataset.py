@@ -261,7 +261,7 @@ def _description(study: ParameterStudy) -> dict[str, str]:
     given, plan = study.study, study.plan_of_sample
     sample = {} if plan is None else {"sample": f"{plan.points} points, {plan.method}, seed {plan.seed}"}
     if isinstance(given, Study):
-        return {**sample, "study": study_text(given)}
+        return {**sample, "study": study_text(given), "study_file": given.path.name}
     known = ", ".join(f"{name} {value}" for name, value in study.base.items() if value is not None)
     method = study.method or study.systems.method_of(study.nominal, {})
     # what is no dataclass may show its address, which no two processes share

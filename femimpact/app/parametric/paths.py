@@ -16,7 +16,7 @@ import numpy as np
 
 from femimpact.app.study.drives import BASES, FORCES, base_with, force_of, force_table, kind_of, named_forces
 from femimpact.app.study.drives import PARTS as KINDS_OF_PARTS
-from femimpact.app.study.file_units import START
+from femimpact.app.study.file_units import OF_SINE, START
 from femimpact.app.study.study import (
     Gravity,
     Study,
@@ -262,6 +262,8 @@ def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Faul
     of_base = {one for one in known if one.startswith("base.")}
     if path.startswith("base.") and of_base == {"base.history", "base.initial"}:
         return Fault(path, None, "", "needs a motion of the base, and [base] of this study is of kind 'rest'")
+    if path == "base.frequency" and of_base:
+        return Fault(path, None, "", f"is no number of this base: {OF_SINE}")
     return Fault(path, None, "", suggestion(path, known))
 
 

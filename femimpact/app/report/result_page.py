@@ -166,7 +166,8 @@ def page_of(results: ResultReading, drawn: Mapping[str, Element] = NOT_DRAWN, sh
         section, lost = listed
         sections.append(section)
         results.missing.extend(text for text in lost if text not in results.missing)
-    name = findings.study.removesuffix(".toml") or ("study" if data is None else "parameter study")
+    name = _file_name(results, findings).removesuffix(".toml")
+    name = name if data is None else f"parameter study {name}".removesuffix(" study")
     title = name if structure is None else f"{name}: {structure_words(structure, system.contacts if system else ())}"
     head = ("", "", "") if study is None else (study.output.title, study.output.author, study.output.date)
     given_title, by = _head(*head)
@@ -347,16 +348,26 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
 FREQUENCY = "base.frequency"
 
 
+def _file_name(results: ResultReading, findings: Findings) -> str:
+    """Name of the study file that the command was given; of a parameter study its dataset has it."""
+    data = results.parameter_study
+    given = "" if data is None else str(data.attrs.get("study_file", ""))
+    return findings.study or given or FILES["study"].name
+
+
 def _foot(results: ResultReading, findings: Findings) -> str:
     """Version, core, command, seeds and the key of a parameter study."""
     studied = results.parameter_study is not None
-    command = "study" if studied else "orbits" if findings.orbits else "converge" if findings.problems else "run"
+    kinds = {"modes": "modes", "simulate": "history", "sweep": "sweep_data"}
+    parts_run = [name for name, key in kinds.items() if (results.folder / FILES[key].name).exists()]
+    of_parts = parts_run[0] if len(parts_run) == 1 else "run"
+    command = "study" if studied else "orbits" if findings.orbits else "converge" if findings.problems else of_parts
     blocks = results.folder / STUDY_BLOCKS / STUDY_MANIFEST
     key = results.attempt("key of the study", lambda: read_manifest(results.folder)["key"]) if blocks.is_file() else ""
     parts = {
         "femimpact": findings.versions.get("femimpact", "of a version that is not known"),
         "core": str((findings.core or {}).get("sources", ""))[:KEY_LETTERS],
-        "femimpact " + ("demo" if findings.answer else command): findings.study or FILES["study"].name,
+        "femimpact " + ("demo" if findings.answer else command): _file_name(results, findings),
         "seeds:": "; ".join(findings.seeds),
         "key": str(key or "")[:KEY_LETTERS],
     }

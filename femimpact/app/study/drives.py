@@ -47,8 +47,8 @@ ALTERNATIVES = {
 }  # fmt: skip
 """Keys of which a drive has one alone."""
 
-LISTS = ("frequencies", "psd")
-"""Keys of lists of numbers, which have no range of their own."""
+LISTS = ("psd",)
+"""Keys of lists of numbers that an axis may have, which have no range of their own."""
 
 COUNTED = quantity("1", at_least=0, integer=True)
 """Allowed numbers of a column without a name."""

@@ -344,8 +344,19 @@ def _cell(cell: str, unit: str) -> Any:
     return cell if number is None else f"{cell.replace(',', '.')} {unit}" if unit else number
 
 
+OF_SINE = "an axis of frequencies takes [base] of kind 'sine', with acceleration or amplitude"
+"""Way on from a frequency of a base that has none, as a stepped sine."""
+
+
 def _axis(key: str, given: Any, unit: str, readings: Readings) -> Any:
     """An axis, or what is given as one, in the unit of the numbers that its path leads to."""
+    entries = given.values() if isinstance(given, dict) else given if isinstance(given, list) else [given]
+    texts = [one for one in entries if isinstance(one, str) and NUMBER.match(one)]
+    if texts and not unit and not key.endswith(PLACES):
+        way = f": {OF_SINE}" if key.endswith(".base.frequency") else ""
+        readings.faults.append(Fault(key, texts[0], "", f"has a unit, and no number with a unit has this path{way}"))
+        # that it is text is no fault beside
+        return [0.0, 1.0]
     if not isinstance(given, dict):
         return readings.number(key, given, unit)
     units = {part: "" if part in NOT_OF_AXIS else unit for part in given}
