@@ -30,6 +30,7 @@ import femimpact as fi
 from femimpact.app.report import script_page
 from femimpact.app.report.pictures import draw_again
 from femimpact.app.report.player import FULL, frames_of
+from femimpact.app.report.result_conclusions import answer_of_runs
 from femimpact.app.report.views import Measure
 from femimpact.app.results.results import read_summary
 from femimpact.app.study.findings import read_findings
@@ -515,6 +516,13 @@ def test_every_curve_of_a_report_speaks_and_has_its_unit(tmp_path):
     mixed = fi.report(tmp_path / "two.html", {"a": first, "root": stress}).read_text(encoding="utf-8")
     assert "times" not in mixed.partition('class="answer">')[2].partition("</p>")[0]
     assert "one sample" not in text
+
+
+def test_what_a_ball_leaves_as_it_is_has_one_number():
+    # a beam that is let go moves farthest where it begins
+    answer = answer_of_runs("ball", (20e-3, 12.3e-3), (20e-3, 9.84e-3))
+    rms = "The ball lowers the rms of the tip from 12.3 mm to 9.84 mm, 1.25 times less"
+    assert answer == f"{rms}, and hardly changes the largest motion of the tip, 20 mm."
 
 
 @pytest.mark.usefixtures("empty_pictures")

@@ -147,8 +147,9 @@ def answer_of_runs(
     for name, before, after in zip(("largest motion", "rms"), without, found, strict=True):
         if before > 0.0 and after > 0.0:
             verb, factor = _change(carried, before / after)
-            change = f"from {quantity_text(before, 'm', 3)} to {quantity_text(after, 'm', 3)}, {factor}"
-            texts.append(f"{verb} the {name} of {place} {change}")
+            size = quantity_text(after, "m", 3)
+            change = f", {size}" if factor == SAME else f" from {quantity_text(before, 'm', 3)} to {size}, {factor}"
+            texts.append(f"{verb} the {name} of {place}{change}")
     return f"The {carried} {', and '.join(reversed(texts))}." if texts else ""
 
 
