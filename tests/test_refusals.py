@@ -29,6 +29,13 @@ MORE_NOUNS = {
 }
 """In place of those of `NOUNS`, whose other fields would be at fault too."""
 
+
+def channels_of(*recorded: str):
+    """Pictures of channels of a run that are none, or zero throughout as the force of rigid impacts."""
+    run = fi.integrate(small(), SINE, EXACT, 0.2, fi.Recorder(recorded))
+    return fi.figures.channels(run)
+
+
 FIELDS = [
     # noun, field, value, unit, allowed
     ("Segment", "length", 0.0, "m", "> 0"),
@@ -814,6 +821,11 @@ CALLS = [
             ),
         )
     ),
+    *(
+        (r"^response\.channels = 'none': must be one or more", partial(channels_of, *recorded))
+        for recorded in ((), ("ball.contact_force",))
+    ),
+    (r"^parts = 'Response': must be a dictionary, as \{", lambda: fi.report("run.html", response())),
 ]
 """What a message has to say, by a regular expression, and the call that it refuses."""
 

@@ -280,6 +280,8 @@ def channels(
     """
     require_history(response)
     rows = _rows(drawn_channels(response), response.units)
+    allowed = "must be one or more that are not zero throughout; a Recorder names them"
+    require(len(rows) > 0, "response.channels", "none", "", allowed)
     axes = panels(figure, 11.0, 2.6 * len(rows) + 0.4, len(rows), 2, sharex="col", width_ratios=(1.3, 1.0))
     time = response.time
     close_to, part = "end of the run" if end is None else "last cycles", LAST_PART * (time[-1] - time[0])
