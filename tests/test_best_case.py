@@ -23,7 +23,7 @@ from builders import (
 from matplotlib.colors import to_rgb
 
 import femimpact as fi
-from femimpact.app.parametric.best import best_cases
+from femimpact.app.parametric.best import NOTHING_TO_CHOOSE, best_cases
 from femimpact.app.parametric.best_design import marks_of, worst_over_axes
 from femimpact.app.report.result_page import best_measures, write_report
 from femimpact.app.report.views import pictures_of
@@ -156,6 +156,19 @@ def test_the_best_is_said_for_each_level_unless_it_is_one_of_the_worst():
     best = only(fi.best_case(given, "peak", [LEVEL]))
     assert best.value == value.max(axis=1).min()
     assert best.values[GAP] == GAPS[value.max(axis=1).argmin()]
+
+
+def test_the_frequency_of_a_force_is_no_choice_as_that_of_the_base_is_none():
+    of_base = grid()
+    of_force = of_base.rename({FREQUENCY: "force.wind.frequency"})
+    base, force = only(fi.best_case(of_base, "peak")), fi.best_case(of_force, "peak")
+    assert force.worst_over == ("force.wind.frequency",)
+    assert (only(force).values, only(force).value, only(force).case) == (base.values, base.value, base.case)
+    for path in ("force.wind.amplitude", "force.wind.at"):
+        assert len(fi.best_case(of_base.rename({FREQUENCY: path}), "peak").designs) == len(FREQUENCIES)
+    # alone it leaves nothing to choose
+    alone = of_force.isel({GAP: [0]})
+    assert best_cases(alone, None) == ({}, dict.fromkeys(["peak"], NOTHING_TO_CHOOSE))
 
 
 def test_a_design_with_a_failed_case_has_no_value_and_is_named():

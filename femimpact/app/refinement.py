@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from femimpact.app.parametric.best import FREQUENCY, NO_DESIGN, best_case, check_best, no_force_words, ranked_designs
+from femimpact.app.parametric.best import (
+    NO_DESIGN,
+    best_case,
+    check_best,
+    frequency_axes,
+    no_force_words,
+    ranked_designs,
+)
 from femimpact.app.parametric.best_design import BestCase
 from femimpact.app.parametric.measures import MEASURES
 from femimpact.app.parametric.paths import bounds_of_axis
@@ -179,7 +186,7 @@ def _axes_of_study(study: Any, worst_over: Any) -> dict[str, Any]:
     plan = study.plan if isinstance(study, Study) else None
     if plan is None:
         raise InputError([Fault("axes", None, "", "must be given: the study has no table [study.axes]")])
-    over, axes = worst_over if isinstance(worst_over, (list, tuple)) else (FREQUENCY,), dict[str, Any]()
+    over, axes = worst_over if isinstance(worst_over, (list, tuple)) else frequency_axes(plan.axes), dict[str, Any]()
     for name, axis in plan.axes.items():
         allowed = "must be a list of numbers to be searched between: give axes={...}"
         require(isinstance(axis, AxisValues), f"study.axes.{name}", str(axis), "", allowed)

@@ -8,7 +8,7 @@ they are in `worst_over`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     import xarray
 
 FREQUENCY = "base.frequency"
-NO_DESIGN = ("base.", "start.", "mesh.", "reduction.", "method.")
+OF_FORCE = "force."
+NO_DESIGN = ("base.", OF_FORCE, "start.", "mesh.", "reduction.", "method.")
 """Beginnings of the paths of the axes that are no choice of the user: of the excitation, the start, the numerics."""
 
 NUMBER = quantity("1")
@@ -62,8 +63,8 @@ def best_case(
 
     Cases that agree in all other axes are one design, in a grid, a list or a sample, and the value of a design is the
     worst of its cases, which must be there at all values of these axes at which another design is. What is best is said
-    for each value of the other axes of the excitation (`base.amplitude`, ...), the start (`start.*`) and the numerics
-    (`mesh.*`, `reduction.*`, `method.*`), which are no choice of the user, unless they are named in `worst_over`.
+    for each value of the other axes of the excitation (`base.amplitude`, `force.*`), the start (`start.*`) and the
+    numerics (`mesh.*`, `reduction.*`, `method.*`), which are no choice of the user, unless they are in `worst_over`.
 
     Parameters
     ----------
@@ -73,8 +74,8 @@ def best_case(
         Of which small values are better, or large ones: its attribute "better" says which, and can be set on a
         measure of one's own, `dataset[measure].attrs["better"] = "small"`.
     worst_over : sequence of str, optional
-        Paths of axes; any other but those of the base counts as a choice, a restitution too. By default
-        `base.frequency`, where another axis remains.
+        Paths of axes; any other but those of the excitation counts as a choice, a restitution too. By default the
+        frequencies of base and forces, where another axis remains.
     limits : mapping of str to float, optional
         What the worst value of a measure, of several starts the largest, may be at most; of a measure of which large
         values are better the smallest, at least.
@@ -183,7 +184,8 @@ def check_best(
     for name in worst_over or ():
         require(isinstance(name, str), "worst_over", kind_of(name), "", "must be a list of paths of axes")
     # without a choice the frequency, where another axis remains
-    default = (FREQUENCY,) if FREQUENCY in axes and len(axes) > 1 else ()
+    frequencies = frequency_axes(axes)
+    default = frequencies if len(axes) > len(frequencies) else ()
     worst = default if worst_over is None else tuple(dict.fromkeys(worst_over))
     for name in worst:
         require(name in axes, "worst_over", name, "", f"is no axis of the study: {suggestion(str(name), axes)}")
@@ -192,6 +194,12 @@ def check_best(
     return worst, {
         name: float(checked_value(f"limits.{name}", value, NUMBER)) for name, value in (limits or {}).items()
     }
+
+
+def frequency_axes(axes: Iterable[str]) -> tuple[str, ...]:
+    """Those of the frequency of the base or of a force."""
+    of_force = [name for name in axes if name.startswith(OF_FORCE) and name.endswith(".frequency")]
+    return tuple(name for name in axes if name == FREQUENCY or name in of_force)
 
 
 def axes_of(dataset: xarray.Dataset) -> tuple[str, ...]:

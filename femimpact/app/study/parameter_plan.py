@@ -127,8 +127,8 @@ class BestPlan:
     measure : str
         One of the study's, of which small or large values are better.
     worst_over : tuple of str or None
-        Study paths of the axes over which the worst counts; any other but those of the base counts as a choice. Absent:
-        the frequency, where another axis remains.
+        Study paths of the axes over which the worst counts; any other but those of the excitation counts as a choice.
+        Absent: the frequencies of base and forces, where another axis remains.
     limits : mapping of str to float, or None
         What the worst value of a measure, of several starts the largest, may be at most. Absent: none.
 
