@@ -782,7 +782,8 @@ def require_type(value: object, kind: type, key: str) -> None:
     """Raise `InputError` unless the value is of a kind; say so where an attribute of that name is, as of a study."""
     fits = isinstance(value, kind)
     # of a list one is made
-    name = {tuple: "list or a tuple", Mapping: "dictionary, as {'name': value}"}.get(kind, kind.__name__)
+    names: dict[type, str] = {tuple: "list or a tuple", Mapping: "dictionary, as {'name': value}"}
+    name = names.get(kind, kind.__name__)
     require(fits, key, kind_of(value), "", f"must be a {name}{'' if fits else _hint(value, key, kind)}")
 
 

@@ -212,6 +212,9 @@ WHIMS = np.repeat(np.random.default_rng(2).uniform(1.0, 2.0, 40), 64)
 MOTIONS = {
     "one cycle": (np.sin(PHASE), True),
     "two cycles": (np.sin(PHASE) + 0.3 * np.cos(0.5 * PHASE), True),
+    # as far as a regime is looked for
+    "eight cycles": (np.sin(PHASE) + 0.1 * np.cos(0.125 * PHASE), True),
+    "nine cycles": (np.sin(PHASE) + 0.1 * np.cos(PHASE / 9.0), False),
     "two impacts on a stop": (np.minimum(np.sin(PHASE) + 0.5 * np.sin(3.0 * PHASE), 0.4), True),
     "a beat": (np.sin(PHASE) + 0.1 * np.sin(np.sqrt(2.0) * PHASE), False),
     # a stop holds the upper extreme, two hold both

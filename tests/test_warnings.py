@@ -55,7 +55,7 @@ SITES = {
     ("response/cycles.py", "deflection_warnings"): ["linear beam theory"],
     ("app/study/prepared.py", "_coarse_history"): ["misses the extremes between them"],
     ("app/study/prepared.py", "_empty_sweep"): ["no natural frequency lies between them"],
-    ("app/study/summary.py", "_restitution_warnings"): ["the law is made for the first mode's mass"],
+    ("integrators/runs.py", "_missed_restitutions"): ["the law is made for the first mode's mass"],
     ("app/study/summary.py", "_estimates"): ["the motion around the peak does not repeat"],
     ("app/report/pictures.py", "with_pictures"): ["not drawn"],
     ("app/tasks/task.py", "_without"): ["the run was ended before"],

@@ -24,7 +24,7 @@ from femimpact.progress import Progress, check_progress, draws_progress
 from femimpact.response.channels import Channel, motion_of, resolve_channels
 from femimpact.response.cycles import Largest, LargestSample, LargestValues, deflection_warnings
 from femimpact.response.history import HistoryPiece
-from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics
+from femimpact.response.impacts import READINGS_IN_CONTACT, impact_statistics, observed_restitution
 from femimpact.response.response import Recorder, Response
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.matrices import rigid_motions
@@ -32,6 +32,9 @@ from femimpact.system.reduction import truncation_notes
 from femimpact.system.state import ROUNDED, State, begun_anew
 from femimpact.system.system import System
 from femimpact.units import quantity_text
+
+RESTITUTION_MISSED = 0.1
+"""Difference between a law's restitution and the median seen in a run that is warned of."""
 
 OTHER_END = 1e-3
 """Share of its length by which a run may end elsewhere than was asked for, without a word."""
@@ -162,6 +165,7 @@ def _with_remarks(
         *deflection_warnings(
             _largest_deflections(response, recorder), system.length * (rigid_motions(system).shape[1] < 2)
         ),
+        *_missed_restitutions(response),
     )
     notes = (
         *motion_notes(drive, system.length, end),
@@ -174,6 +178,22 @@ def _with_remarks(
     if not (warnings or notes):
         return response
     return changed(response, warnings=(*response.warnings, *warnings), notes=(*response.notes, *notes))
+
+
+def _missed_restitutions(response: Response) -> Iterator[str]:
+    """Where higher modes of the beam change the rebound that a law was made for."""
+    for pair in response.system.contacts:
+        statistics = response.statistics_of[pair.name]
+        speed = statistics.mean_approach_speed if statistics.count else 0.0
+        observed, exact = (
+            observed_restitution(response.impacts, pair.name, speed),
+            pair.parameters.restitution_at(speed),
+        )
+        if not pair.parameters.is_rigid and abs(observed - exact) > RESTITUTION_MISSED:
+            yield (
+                f"{pair.name}: impacts rebound with {observed:.3g} (median) where the law has {exact:.3g}: the law is "
+                "made for the first mode's mass, and the beam's other modes take part; impacts.restitution has each"
+            )
 
 
 def _without_cycles(response: Response) -> Response:

@@ -122,7 +122,7 @@ def steady_motion(
     periodic_tolerance: float = 1e-3,
     statistical_tolerance: float = 0.05,  # 1
     standard_errors: float = 3.0,  # 1
-    longest_period: int = 4,  # cycles
+    longest_period: int = 8,  # cycles, as of a regime
 ) -> SteadyMotion:
     """Amplitudes and steadiness over the last cycles of a run.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -401,6 +402,24 @@ class ImpactStatistics:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+
+def observed_restitution(
+    impacts: Impacts,
+    name: str,  # of the ball or stop
+    mean_speed: float,  # m/s: of its approaches
+) -> float:
+    """Median of rebound over approach speed of one contact's impacts, 1; not a number without any.
+
+    Slow touches, in which the motion of the beam counts as rebound, are left out.
+    """
+    fast = (impacts.impactor == name) & (impacts.approach_speed >= SLOW_TOUCH * mean_speed)
+    known = impacts.restitution[fast]
+    return float(np.median(known)) if known.size else math.nan
+
+
+SLOW_TOUCH = 0.2
+"""Share of the mean approach speed below which an impact is a slow touch."""
 
 
 def impact_statistics(

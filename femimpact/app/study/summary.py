@@ -31,13 +31,13 @@ from femimpact.app.study.prepared import (
     root_stress_notes,
 )
 from femimpact.app.study.study import Study
-from femimpact.contact.laws import Rigid
 from femimpact.excitation.drives import Drives
 from femimpact.excitation.excitation import has_cycle, is_force
 from femimpact.excitation.random_base import RandomBase
 from femimpact.fem.assembly import unusual_words
 from femimpact.integrators.methods import Method
 from femimpact.response.cycles import UNRESOLVED, PeakResolution, peak_resolution
+from femimpact.response.impacts import observed_restitution
 from femimpact.response.response import Response
 from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.signals.transfer import transfer_function
@@ -46,9 +46,6 @@ from femimpact.system.contact_pair import ContactPair
 from femimpact.system.modes import Modes, first_elastic_frequency
 from femimpact.system.system import System
 from femimpact.versions import ABSENT, version_of
-
-RESTITUTION_MISSED = 0.1
-"""Difference between a law's restitution and the median seen in a run that is warned of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +212,7 @@ def findings_of_sweeps(prepared: PreparedStudy, sweeps: SweepPair) -> Findings:
 def findings_of_history(prepared: PreparedStudy, response: Response, bare: Response | None = None) -> Findings:
     """The history, its contacts and its energy; the same without what the structure carries, where it was run."""
     contacts = _contacts(prepared, response)
-    said = _restitution_warnings(contacts)
-    said += _new_words("history", map(in_study_words, response.warnings), prepared)
+    said = _new_words("history", map(in_study_words, response.warnings), prepared)
     history = _history_summary(response)
     if bare is None and prepared.small.contacts and history.frequency is not None:
         history = replace(history, root_stress_without=steady_root_stress(prepared, history.frequency))
@@ -372,28 +368,14 @@ def _contact_summary(pair: ContactPair, method: Method, response: Response | Non
     if response is None or statistics is None:
         return law
     mine = response.impacts.impactor == pair.name
-    fast = mine & (response.impacts.approach_speed >= 0.2 * statistics.mean_approach_speed)
     forces: Any = contact_forces(response, pair.name)
     return replace(
         law,
         impacts=int(mine.sum()),
-        # slow touches, in which the motion of the beam counts as rebound, are left out
-        observed_restitution=float(np.median(response.impacts.restitution[fast])) if fast.any() else math.nan,
+        observed_restitution=observed_restitution(response.impacts, pair.name, statistics.mean_approach_speed),
         mean_approach_speed=statistics.mean_approach_speed,
         **forces,
     )
-
-
-def _restitution_warnings(contacts: dict[str, ContactSummary]) -> list[str]:
-    """Where the beam's higher modes change the rebound that the law was made for."""
-    return [
-        f"{name}: impacts rebound with {contact.observed_restitution:.3g} (median) where the law has "
-        f"{contact.restitution:.3g}: the law is made for the first mode's mass, and the beam's other modes take part"
-        for name, contact in contacts.items()
-        if contact.observed_restitution is not None
-        and contact.law != Rigid.name
-        and abs(contact.observed_restitution - contact.restitution) > RESTITUTION_MISSED
-    ]
 
 
 def library_versions() -> dict[str, str]:
