@@ -232,6 +232,31 @@ def test_a_drift_is_named_with_its_size_and_a_fast_motion_is_not() -> None:
     assert found.value == pytest.approx(2.5e-3, rel=0.1)
 
 
+@pytest.mark.parametrize("highest", [60.0, 190.0])
+def test_the_lowest_content_of_a_broad_record_is_no_drift_and_what_is_added_below_is(highest: float) -> None:
+    system, interval, count = reduced(REFERENCE, 3), 1.0 / 400.0, 12_000
+    frequency, rng = np.fft.rfftfreq(count, interval), np.random.default_rng(1)
+    lines = np.exp(2j * np.pi * rng.random(frequency.size)) * ((frequency >= 2.0) & (frequency <= highest))
+    # a flat density of accelerations, as a displacement whose lowest lines are the largest
+    place = np.fft.irfft(lines / np.maximum(2.0 * np.pi * frequency, 1.0) ** 2, count)
+    place *= 3e-3 / np.abs(place).max()
+    slow = 2e-3 * np.sin(2.0 * np.pi * 0.2 * interval * np.arange(count))
+    for motion, drifts in ((place, False), (place + slow, True)):
+        found = row(fi.preflight(system, fi.RecordedBase.from_displacement(motion, interval)), "drift")
+        assert found.passed is drifts
+        assert 0.9 <= float(found.what.partition("below ")[2].split()[0]) <= 1.1
+
+
+def test_the_standard_error_of_an_rms_is_the_scatter_of_whole_runs() -> None:
+    system = fi.System.from_matrices([[1.0]], [[2.0]], [[(2.0 * np.pi * 8.0) ** 2]], points={"mass": [1.0]})
+    drives = [fi.RandomBase([[3.0, 1.0], [20.0, 1.0]], 40.0, seed=i, amplitudes="random") for i in range(150)]
+    rms = [run["mass"].std() for run in fi.integrate(system, drives, fi.EventDriven(), 40.0)]
+    said = row(fi.preflight(system, drives[0]), "standard error of the rms").value
+    assert said == pytest.approx(0.5 / np.sqrt(40.0))
+    # the scatter of 150 is known to 6 %; of a third of the run it would be 1.73 times as large
+    assert np.std(rms) / np.mean(rms) == pytest.approx(said, rel=0.25)
+
+
 # ---- twenty tests that cannot show what they are made for ------------------------------------------
 
 SLACK = replace(REFERENCE, damping=fi.Rayleigh(ratio=0.29, modes=(1, 2)))

@@ -49,7 +49,7 @@ DRIFT = 0.25
 """Slow motion of the base over the gap beyond which a record's drift drives the ball."""
 
 BELOW_LINES = 0.05
-"""Share of a record's energy that lies below its lowest line."""
+"""Share of the largest density that a record's lowest half octave has, and of its energy below the lowest line."""
 
 BEGINS, PERIODS = 0.25, 8.0
 """Share of a record's rms that its first period may have where a run begins at rest, and its periods at least."""
@@ -197,18 +197,23 @@ def _largest_of_pieces(derivatives: Array, length: Array) -> float:
 def _drift(system: System, record: Excitation, of: str) -> Iterator[PreflightRow]:
     """Largest change of a record's displacement below half of its lowest line, beside a quarter of the smallest gap.
 
-    The lines are those above a tenth of the first natural frequency, and the lowest one that below which 5 % of their
-    energy lies, or the first natural frequency where that is less.
+    The lines are those above a tenth of the first natural frequency. The lowest one is that below which 5 % of the
+    energy of the lowest half octave lies whose mean density is a twentieth of the largest one, or the first natural
+    frequency where that is less.
     """
     line, first = getattr(record, "closed_form", None), first_elastic_frequency(system)
     gaps = [gap for pair in system.balls for gap in pair.gaps if math.isfinite(gap)]
     if not isinstance(line, BrokenLine) or is_pulse(line.samples) or not gaps or first == 0.0:
         return
-    frequency, size = line.spectrum
-    energy = np.cumsum(np.where(frequency > 0.1 * first, size, 0.0) ** 2)
-    lowest = float(frequency[np.searchsorted(energy, BELOW_LINES * energy[-1], side="right") % energy.size])
+    frequency, size = (column[line.spectrum[0] > 0.1 * first] for column in line.spectrum)
+    lowest, octave = first, np.floor(2.0 * np.log2(frequency / (0.1 * first))).astype(int)
+    density = np.bincount(octave, size**2) / 2.0 ** (0.5 * np.arange(octave.max(initial=-1) + 1))
+    if density.any():
+        inside = octave == int(np.argmax(density >= BELOW_LINES * density.max()))
+        energy = np.cumsum(size[inside] ** 2)
+        lowest = min(first, float(frequency[inside][np.searchsorted(energy, BELOW_LINES * energy[-1], side="right")]))
     # down to two digits, as it is advised
-    corner = rounded(0.5 * (min(lowest, first) if energy[-1] else first), math.floor)
+    corner = rounded(0.5 * lowest, math.floor)
     if corner * 2.0 * line.interval >= 1.0:
         return
     displacement = np.asarray(record.displacement(line.interval * np.arange(len(line.samples))))
@@ -535,13 +540,12 @@ def _random_error(bare: System, duration: float, of: str) -> Iterator[PreflightR
     """Relative standard error of the rms of the first mode's response to a stationary Gaussian motion.
 
     The correlation exp(-zeta omega |t|) cos(omega t) gives the mean square over a time T the relative variance
-    1/(zeta omega T), the rms half of its square root (derived here; the last third of the run is measured).
+    1/(zeta omega T), the rms half of its square root (derived here). A ball that takes energy makes it smaller.
     """
     f, zeta = first_resonance(bare)
-    decay, measured = 2.0 * math.pi * f * zeta, duration / 3.0
+    decay = 2.0 * math.pi * f * zeta
     if decay == 0.0:
         return
-    needed = 3.0 * (0.5 / RMS_ERROR) ** 2 / decay
-    instead = f"take a duration of at least {rounded(needed):g} s"
-    what = f"standard error of the rms under a random motion{of}"
-    yield row_of(what, 0.5 / math.sqrt(decay * measured), "1", RMS_ERROR, instead)
+    instead = f"take a duration of at least {rounded((0.5 / RMS_ERROR) ** 2 / decay):g} s"
+    what = f"standard error of the rms of the whole run without balls under a random motion{of}"
+    yield row_of(what, 0.5 / math.sqrt(decay * duration), "1", RMS_ERROR, instead)
