@@ -112,6 +112,8 @@ def _in_words(value: object) -> str:
         value = value.item()
     if hasattr(value, "dtype") and getattr(value, "shape", ()) != ():
         return f"array of {value.dtype} of shape {value.shape}"  # type: ignore[attr-defined]
+    if hasattr(value, "data_vars"):
+        return f"a dataset of {', '.join(map(str, value.data_vars))}"
     if dataclasses.is_dataclass(value) and isinstance(value, type):
         return f"the class {value.__name__} (did you mean {_call_of(value)}?)"
     if isinstance(value, types.FunctionType) and value.__name__.isidentifier():

@@ -188,3 +188,14 @@ def test_a_sparse_matrix_of_a_billion_rows_is_refused_before_it_is_converted(mad
     wide = sparse.coo_array((30_000, 30_000))
     with pytest.raises(fi.InputError, match="must have at most 20,000 dofs"):
         fi.System.from_matrices(wide, wide, wide, points={"tip": [1.0]})
+
+
+def test_the_default_load_of_the_base_is_warned_of_where_dofs_turn():
+    # of a clamped element of a beam: w and the turn at its free end, of which one moves with the base
+    M, K = np.array([[156.0, -22.0], [-22.0, 4.0]]) / 420.0, np.array([[12.0, -6.0], [-6.0, 4.0]])
+    with pytest.warns(fi.InputWarning, match=r"^base_load: .* that of dof 1 is negative") as caught:
+        fi.System.from_matrices(M, 0.0 * M, K, points={"tip": [1.0, 0.0]})
+    assert caught[0].filename == __file__
+    # given, or of displacements alone, there is nothing to say
+    fi.System.from_matrices(M, 0.0 * M, K, points={"tip": [1.0, 0.0]}, base_load=M @ [1.0, 0.0])
+    fi.System.from_matrices(np.eye(2), np.zeros((2, 2)), K, points={"tip": [1.0, 0.0]})

@@ -30,6 +30,13 @@ MORE_NOUNS = {
 """In place of those of `NOUNS`, whose other fields would be at fault too."""
 
 
+def resting() -> fi.app.Study:
+    """A study whose base is at rest."""
+    head, _, rest = paper_study_text().partition("[base]")
+    text = head + '[base]\nkind = "rest"\nhistory = 2.0\n[' + rest.partition("\n[")[2]
+    return read_study(text.partition("[sweep]")[0], Path("study.toml"))
+
+
 def channels_of(*recorded: str):
     """Pictures of channels of a run that are none, or zero throughout as the force of rigid impacts."""
     run = fi.integrate(small(), SINE, EXACT, 0.2, fi.Recorder(recorded))
@@ -824,6 +831,10 @@ CALLS = [
     *(
         (r"^response\.channels = 'none': must be one or more", partial(channels_of, *recorded))
         for recorded in ((), ("ball.contact_force",))
+    ),
+    (
+        "^calibrate: needs a sine of the base, and \\[base\\] of this study",
+        lambda: fi.calibrate(resting(), [5.0, 6.0], [1e-3, 1e-3], {"impactor.ball.gap": (1e-3, 2e-3)}),
     ),
     (r"^parts = 'Response': must be a dictionary, as \{", lambda: fi.report("run.html", response())),
 ]

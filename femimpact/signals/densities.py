@@ -174,7 +174,8 @@ def amplitude_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 RUN = instance(Response) | {
-    "allowed": "must be a Response, as fi.integrate returns; report.html has the spectra of results of a study"
+    "allowed": "must be a Response, as fi.integrate returns; report.html has the spectra of results of a study, and of "
+    "measured columns docs/howto/spectra.md shows them"
 }
 """Metadata of a run of which something is read."""
 

@@ -8,6 +8,7 @@ is fixed to the base; where it is fixed in space y_j = ub, for with its b_j u = 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -22,6 +23,7 @@ from femimpact.arrays import Array, own
 from femimpact.errors import (
     Fault,
     InputError,
+    InputWarning,
     check_fields,
     checked,
     column,
@@ -248,7 +250,8 @@ class System:
         points : mapping of str to array_like (dofs,)
             Each named place by the row that reads its displacement (m).
         base_load : array_like (dofs,), kg
-            M r with r the rigid translation; the default r = 1 in every dof.
+            M r with r the rigid translation; the default r = 1 in every dof. An `InputWarning` says where that cannot
+            be, as of dofs that turn.
         impactors, stops, absorbers : sequences
             Their `at` is a name among the points.
         constant_load : array_like (dofs,), N
@@ -275,6 +278,12 @@ class System:
         factor, rank = definite_factor("K", dense["K"])
         definite_factor("C", dense["C"])
         load = dense["M"].sum(axis=1) if base_load is None else checked_row("base_load", base_load, dofs)
+        if base_load is None and (load < 0.0).any():
+            words = (
+                f"base_load: by default the sums of the rows of M, of which that of dof {int(load.argmin())} is "
+                "negative: a turn does not move with the base; give M r with r = 1 for displacements along the base"
+            )
+            warnings.warn(words, InputWarning, stacklevel=2)
         places, shapes = checked_shapes(nodes, expansion, dofs)
         rigid = np.linalg.solve(dense["M"], load)
         with np.errstate(over="ignore"):

@@ -101,7 +101,7 @@ class ParameterStudy:
             require_method(self.method)
         allowed = (
             "must be a Sine, of whose cycles a case is made; cases of a chirp, a record, a force or another drive are "
-            "those of a study file: load_study(path)"
+            "those of a study file, load_study(path); of a System they are runs of integrate, one for each value"
         )
         sine = self.excitation is None or isinstance(self.excitation, Sine)
         require(sine, "excitation", kind_of(self.excitation), "", allowed)

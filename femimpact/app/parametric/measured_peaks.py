@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from femimpact.app.parametric.definition import ParameterStudy
 from femimpact.app.parametric.paths import bounds_of_axis
 from femimpact.app.parametric.verb import StudyProgress, parameter_study
-from femimpact.app.study.study import Study
+from femimpact.app.study.study import Study, sine_of
 from femimpact.arrays import Array
 from femimpact.errors import column, kind_of, quantity, require, takes, warns
 from femimpact.structure.structure import Position
@@ -205,6 +205,8 @@ def calibrate(
     >>> found.posterior.sizes
     Frozen({'impactor.ball.contact.restitution': 121})
     """
+    if isinstance(study, Study):
+        sine_of(study, "calibrate")
     frequencies, peaks = np.asarray(frequency), np.asarray(peak)
     for name, values, unit in (("frequency", frequencies, "Hz"), ("peak", peaks, "m")):
         for i in np.flatnonzero(values <= 0.0).tolist():
