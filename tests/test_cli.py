@@ -186,6 +186,33 @@ def test_a_plan_says_what_would_be_computed_and_leaves_nothing(tmp_path, command
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 
+def test_the_plan_of_a_parameter_study_counts_its_cases_and_leaves_nothing(tmp_path):
+    cases = '[study]\nmeasures = ["peak"]\ncycles = 30\n[study.axes]\n"impactor.ball.gap" = [0.003, 0.004, 0.005]\n'
+    (tmp_path / "s.toml").write_text(UNDRAWN_STUDY + cases, encoding="utf-8")
+    lines = femimpact("study", "s.toml", "--plan", cwd=tmp_path).stdout.splitlines()
+    assert lines[0].startswith("study: 3 cases (3), 1 start each, 30 cycles")
+    assert lines[1].startswith("study takes about")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize("command", ["study", "run"])
+def test_an_unknown_option_names_the_help_of_its_command(tmp_path, command):
+    done = femimpact(command, "s.toml", "--pln", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert f"see: femimpact {command} --help" in done.stderr
+
+
+def test_converge_without_a_sine_of_the_base_names_the_ways_on(tmp_path):
+    driven = UNDRAWN_STUDY.replace(
+        "[base]", '[[force]]\nat = "tip"\nkind = "sine"\nforce = 1.0\nfrequency = 5.0\n[base]'
+    )
+    driven = driven[: driven.index("[sweep]")] + driven[driven.index("[output]") :]
+    (tmp_path / "s.toml").write_text(driven, encoding="utf-8")
+    done = femimpact("converge", "s.toml", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert "take a copy of the study with such a [base] and no force, or fi.convergence_study(" in done.stderr
+
+
 def test_check_refuses_what_run_would_refuse(tmp_path):
     for find, put, words in (
         ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),

@@ -172,7 +172,8 @@ def test_a_parameter_study_over_an_impulse_is_linear_without_balls():
         ((SINE, COIL.replace('"coil"', '"force 2"'), UNNAMED), r'force.name = .* without a name is "force 1", "fo'),
         ((REST, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a .* of kind 'rest'"),
         ((REST.replace("history = 2.0\n", ""), HAMMER), r"base.history: is missing"),
-        ((SINE, HAMMER, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a sine of the base"),
+        ((SINE, HAMMER, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"sweep: needs a .* a frequency$"),
+        ((REST, COIL, "[sweep]\nstart = 4\nstop = 6\npoints = 9\ncycles = 30\n"), r"axis 'force\.coil\.frequency'$"),
     ],
 )  # fmt: skip
 def test_faults_of_forces_are_said_by_their_keys(parts, words):
