@@ -588,7 +588,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
     from femimpact.app.report.result_conclusions import answer_of, best_of, result_conclusions, result_warnings
-    from femimpact.app.report.result_page import other_start_words, tables_of
+    from femimpact.app.report.result_page import convergence_tables, other_start_words, tables_of
     from femimpact.app.results.picture_data import read_results
     from femimpact.app.results.result_directory import FILES, REPORT
 
@@ -611,6 +611,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
+        *map(str, filter(None, convergence_tables(results))),
         *([answer_of(findings, ())] if findings.history_without is not None else []),
         *conclusion_lines(result_conclusions(results, best_of(results))),
         # the report has them

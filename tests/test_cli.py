@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -307,6 +308,19 @@ def test_converge_writes_tables_and_figures(tmp_path):
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {f"{name}.png" for name in names}
     assert (tmp_path / "out" / "report.html").exists()
     assert fi.load(tmp_path / "out").summary["accuracy"] == 1e-4
+    # of every axis the errors that fall, and what the accuracy takes
+    quantities = read_csv(tmp_path / "out" / "quantities_over_mesh.csv")
+    for axis, counted in (("mesh", "elements"), ("step", "steps in a first period"), ("modes", "modes")):
+        errors = printed[printed.index(f"Over the {axis}: relative errors") :].partition("\n\n")[0].splitlines()
+        assert errors[1].startswith(counted)
+        row = next(line for line in errors if line.startswith("steady tip")).split()[2:]
+        assert len(row) >= 3
+        assert all(a > b for a, b in itertools.pairwise(map(float, row)))
+    first = next(line for line in printed.splitlines() if line.startswith("frequency 1")).split()[2]
+    assert float(first) == pytest.approx(quantities["frequency_1_error"][0], rel=0.05)
+    assert "differences from the finest (* beyond the scatter)" in printed
+    assert printed.count("for 0.01 %") == 3
+    assert "What an accuracy takes" not in printed
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     for words in (
         "Linear response without contacts, base motion of 0.2037 mm at 4.9 Hz",
