@@ -218,7 +218,7 @@ def test_sweep_agrees_with_the_closed_form():
 
 
 def response_of(system, absorber, frequencies, under="base"):
-    """|w/ub| or |w/F| of the absorber's place, by complex solutions for all dofs with its own coordinate beside them."""
+    """|w/ub| or |w/F| of the absorber's place, by complex solutions for all dofs, its own beside them."""
     omega = 2.0 * math.pi * np.asarray(frequencies)[:, None, None]
     n, row = system.dofs, system.point_row(absorber.at)
     stretch = np.append(-row, 1.0)

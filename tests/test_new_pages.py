@@ -52,6 +52,12 @@ def test_the_page_on_ball_and_box(ran):
     ball = names["ball"]
     assert np.pi / 6 * ball.diameter**3 * 7850.0 == pytest.approx(ball.mass, rel=1e-12)
     assert ball.box_mass(1e-9) == pytest.approx(0.0, abs=1e-8)
+    # of a heavier material a ball is smaller, and stiffer ones press harder
+    tungsten, wc = (fi.Impactor("ball", "tip", 3e-3, 4e-3, fi.Rigid(0.6), material=name, wall="steel")
+                    for name in ("tungsten", "tungsten-carbide"))  # fmt: skip
+    assert np.pi / 6 * tungsten.diameter**3 * 19300.0 == pytest.approx(3e-3, rel=1e-12)
+    assert tungsten.diameter < wc.diameter < ball.diameter
+    assert wc.wall_pressure(0.1)[1] > replace(wc, material="steel").wall_pressure(0.1)[1]
     # without a material nothing is made up
     assert np.isnan(fi.Impactor("ball", "tip", 3e-3, 4e-3, fi.Rigid(0.6)).box_length)
 
