@@ -204,9 +204,10 @@ class KelvinVoigt(CompiledLaw):
     damping : float, N s/m
         Of the dashpot.
     restitution : float, 1
-        Rebound over approach speed of the ball against the effective mass of the pair.
+        Rebound over approach speed for the effective mass of the pair: of the ball and the first mode, at a stop of
+        the first mode alone. With more modes `rebound_speed / approach_speed` of a run's impacts is what it achieves.
     contact_time : float, s
-        From touch to zero force.
+        From touch to zero force, for that mass.
     """
 
     stiffness: float | None = field(default=None, metadata=quantity("N/m", above=0.0))
