@@ -33,9 +33,14 @@ RATIOS = (1e-6, 1.0)
     elements=quantity("1", at_least=1, integer=True), under=choice("base", "force"),
 )  # fmt: skip
 def tuned_absorber(
-    structure: Structure, mass: float, at: Position = "tip", *, name: str = "absorber", elements: int = 20,
+    structure: Structure,
+    mass: float,
+    at: Position = "tip",
+    *,
+    name: str = "absorber",
+    elements: int = 20,
     under: str = "base",
-) -> Absorber:  # fmt: skip
+) -> Absorber:
     """The absorber whose spring and dashpot leave the smallest resonance of the first mode.
 
     Parameters

@@ -563,10 +563,8 @@ MATERIALS = {
     "steel": (STEEL, 7850.0),
     "aluminium": (ALUMINIUM, 2700.0),
     "glass": (Material(60e9, 0.23), 2500.0),
-    # pure, by matweb.com; heavy alloys of it have 17000 to 18500 kg/m^3
-    "tungsten": (Material(400e9, 0.28), 19300.0),
-    # sintered with cobalt, by makeitfrom.com
-    "tungsten-carbide": (Material(630e9, 0.24), 15000.0),
+    "tungsten": (Material(400e9, 0.28), 19300.0),  # pure, by matweb.com
+    "tungsten-carbide": (Material(630e9, 0.24), 15000.0),  # by makeitfrom.com
 }
 """Materials of balls and walls by their names in study files, each with its density (kg/m^3)."""
 

@@ -372,9 +372,8 @@ def channel_of(
     moving = kind != "stop" or read not in DERIVATIVES
     require(moving, "channels", channel, "", "is a stop, which does not move: take its .gap or .contact_force")
     if f"{stem}.{read}" not in fitting:
-        known = f"unknown; did you mean '{stem}.reaction_{read}'?"
-        require(not is_reaction, "channels", channel, "", known)
-        require(False, "channels", channel, "", suggestion(channel, fitting))
+        words = f"unknown; did you mean '{stem}.reaction_{read}'?" if is_reaction else suggestion(channel, fitting)
+        require(False, "channels", channel, "", words)
     return QuantityAt(read, stem if stem in system.points or kind != "place" else _metres(stem))
 
 
