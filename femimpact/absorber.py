@@ -11,7 +11,7 @@ import scipy.sparse.linalg
 from scipy.optimize import minimize
 
 from femimpact.arrays import Array, Complex
-from femimpact.errors import LARGEST, instance, place, quantity, require, takes, text
+from femimpact.errors import LARGEST, choice, instance, place, quantity, require, takes, text
 from femimpact.fem.assembly import assemble
 from femimpact.structure.structure import Absorber, Position, Structure
 from femimpact.system.modes import solve_modes
@@ -30,12 +30,18 @@ RATIOS = (1e-6, 1.0)
 
 @takes(
     structure=instance(Structure), mass=quantity("kg", above=0.0, at_most=LARGEST), at=place(), name=text(),
-    elements=quantity("1", at_least=1, integer=True),
+    elements=quantity("1", at_least=1, integer=True), under=choice("base", "force"),
 )  # fmt: skip
 def tuned_absorber(
-    structure: Structure, mass: float, at: Position = "tip", *, name: str = "absorber", elements: int = 20
+    structure: Structure,
+    mass: float,
+    at: Position = "tip",
+    *,
+    name: str = "absorber",
+    elements: int = 20,
+    under: str = "base",
 ) -> Absorber:
-    """The absorber whose spring and dashpot leave the smallest resonance of the first mode under base motion.
+    """The absorber whose spring and dashpot leave the smallest resonance of the first mode.
 
     Parameters
     ----------
@@ -49,13 +55,15 @@ def tuned_absorber(
         Of the absorber.
     elements : int
         Of the mesh on which the response is computed.
+    under : {"base", "force"}
+        What drives the structure: a sine of the base, or a sine force at the absorber's place.
 
     Returns
     -------
     Absorber
         With it the largest steady displacement of the place relative to the base, over all frequencies of a sine of
-        the base of one displacement amplitude around the first mode, is the smallest that any stiffness and damping
-        leave.
+        the base of one displacement amplitude, or of a force of one amplitude, around the first mode, is the smallest
+        that any stiffness and damping leave.
 
     Raises
     ------
@@ -71,7 +79,8 @@ def tuned_absorber(
     undamped mass under an acceleration of its base (Warburton, 1982): with the mass ratio mu = m phi1^2 a frequency of
     sqrt(1 - mu/2)/(1 + mu) of the first one, and a damping ratio of sqrt(3 mu/(4 (1 + mu)(2 - mu))). Those numbers are
     for one acceleration at all frequencies; one displacement amplitude weighs the upper of the two peaks more, and the
-    structure is damped.
+    structure is damped. Under a force at the place w = G/(1 - G D) F, of which the optimum of an undamped mass is near
+    a frequency of 1/(1 + mu) and a damping ratio of sqrt(3 mu/(8 (1 + mu))) (Brock, 1946).
 
     Examples
     --------
@@ -103,12 +112,14 @@ def tuned_absorber(
     shares = np.concatenate([1.0 + around, np.linspace(BAND[0], highest, POINTS // 2)])
     omega = first * shares[(shares >= BAND[0]) & (shares <= highest)]
     to_base, to_force = _structure_alone(system, row, omega)
+    # of a force over the static displacement of the mode
+    driven, carried = (to_base, to_force) if under == "base" else (mass / ratio * first**2 * to_force, 0.0)
     start = math.sqrt(1.0 - 0.5 * ratio) / (1.0 + ratio), math.sqrt(0.75 * ratio / ((1.0 + ratio) * (2.0 - ratio)))
 
     def largest(logarithms: Array) -> float:
         tuning, damped = np.exp(logarithms)
         pull = _pull(mass, mass * (tuning * first) ** 2, 2.0 * damped * mass * tuning * first, omega)
-        return float(np.abs((to_base + to_force * pull) / (1.0 - to_force * pull)).max())
+        return float(np.abs((driven + carried * pull) / (1.0 - to_force * pull)).max())
 
     best = np.log(start)
     # the largest of two peaks has an edge where they are equal, on which one simplex may come to rest

@@ -205,7 +205,8 @@ def main() -> None:
             app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
         folder = "; results go to a folder by --output FOLDER" * str(error).startswith("Unused Tokens")
-        _fail(f"{str(error).strip()}{folder}\nsee: femimpact --help", 2)
+        command = " ".join(["femimpact", *(error.command_chain or ()), "--help"])
+        _fail(f"{str(error).strip()}{folder}\nsee: {command}", 2)
     except (InputError, CoreError) as error:
         _fail(_with_notes(str(error), error), 2)
     except FemimpactError as error:
@@ -412,7 +413,7 @@ def orbits(study: Path, *, plan: Plan = False, to: To = HERE) -> None:
 
 @app.command(name="study")
 def parameter_study(
-    study: Path, *, scheduler: str | None = None, output: Output = None, quiet: Quiet = False
+    study: Path, *, scheduler: str | None = None, plan: Plan = False, output: Output = None, quiet: Quiet = False
 ) -> None:  # fmt: skip
     """The parameter study of [study]: all cases of its axes; the same call goes on where an earlier one ended.
 
@@ -424,8 +425,11 @@ def parameter_study(
         Address or scheduler file of a Dask cluster on which the cases run.
     """
     from femimpact.app.study.study_file import load_study
-    from femimpact.app.tasks.study_command import write_parameter_study
+    from femimpact.app.tasks.study_command import plan_of_cases, write_parameter_study
 
+    if plan:
+        print(*plan_of_cases(load_study(study)).lines, sep="\n")
+        return
     directory = output or Path(f"{study.stem}-study")
     with _study_progress(quiet) as report:
         write_parameter_study(load_study(study), directory, report, scheduler)
@@ -584,7 +588,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
     """Print what the page says of results: tables, conclusions, notes, warnings, and where they are."""
     from femimpact.app.report.page import conclusion_lines
     from femimpact.app.report.result_conclusions import answer_of, best_of, result_conclusions, result_warnings
-    from femimpact.app.report.result_page import other_start_words, tables_of
+    from femimpact.app.report.result_page import convergence_tables, other_start_words, tables_of
     from femimpact.app.results.picture_data import read_results
     from femimpact.app.results.result_directory import FILES, REPORT
 
@@ -607,6 +611,7 @@ def print_results(directory: Path, quiet: bool = False) -> None:
         print_table(where, table.header, table.rows, table.title, table.digits)
     for line in (
         *(f"{problem}." for problem in findings.problems),
+        *map(str, filter(None, convergence_tables(results))),
         *([answer_of(findings, ())] if findings.history_without is not None else []),
         *conclusion_lines(result_conclusions(results, best_of(results))),
         # the report has them

@@ -685,7 +685,10 @@ def takes(**metadata: Mapping[str, Any]) -> Callable[[Callable[P, R]], Callable[
             except TypeError as error:
                 names = ", ".join(name for name in signature.parameters if name not in ("self", "cls"))
                 about = (function.__doc__ or "").strip().partition("\n")[0]
-                raise TypeError(f"{function.__qualname__}() {error}; its arguments are {names}: {about}") from None
+                # a misspelt name is one that is missing too
+                wrong = [name for name in named if name not in signature.parameters]
+                why = f"got an unexpected keyword argument {wrong[0]!r}" if wrong else error
+                raise TypeError(f"{function.__qualname__}() {why}; its arguments are {names}: {about}") from None
             bound.apply_defaults()
             values, faults = _taken(declared, bound.arguments.__getitem__)
             if faults:

@@ -314,7 +314,7 @@ VERBS = {
     "truncation_notes": (fi.system.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.structure.glue_impactors, lambda: {"structure": STRUCTURE}),
     "tuned_absorber": (fi.tuned_absorber, lambda: {
-        "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2,
+        "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2, "under": "base",
     }),
     "with_damping": (fi.system.with_damping, lambda: {"system": system(), "damping": fi.ModalDamping((0.01, 0.02))}),
     "without_impactors": (fi.without_impactors, lambda: {"system": small()}),

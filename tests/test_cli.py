@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -186,6 +187,33 @@ def test_a_plan_says_what_would_be_computed_and_leaves_nothing(tmp_path, command
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 
+def test_the_plan_of_a_parameter_study_counts_its_cases_and_leaves_nothing(tmp_path):
+    cases = '[study]\nmeasures = ["peak"]\ncycles = 30\n[study.axes]\n"impactor.ball.gap" = [0.003, 0.004, 0.005]\n'
+    (tmp_path / "s.toml").write_text(UNDRAWN_STUDY + cases, encoding="utf-8")
+    lines = femimpact("study", "s.toml", "--plan", cwd=tmp_path).stdout.splitlines()
+    assert lines[0].startswith("study: 3 cases (3), 1 start each, 30 cycles")
+    assert lines[1].startswith("study takes about")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize("command", ["study", "run"])
+def test_an_unknown_option_names_the_help_of_its_command(tmp_path, command):
+    done = femimpact(command, "s.toml", "--pln", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert f"see: femimpact {command} --help" in done.stderr
+
+
+def test_converge_without_a_sine_of_the_base_names_the_ways_on(tmp_path):
+    driven = UNDRAWN_STUDY.replace(
+        "[base]", '[[force]]\nat = "tip"\nkind = "sine"\nforce = 1.0\nfrequency = 5.0\n[base]'
+    )
+    driven = driven[: driven.index("[sweep]")] + driven[driven.index("[output]") :]
+    (tmp_path / "s.toml").write_text(driven, encoding="utf-8")
+    done = femimpact("converge", "s.toml", cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert "take a copy of the study with such a [base] and no force, or fi.convergence_study(" in done.stderr
+
+
 def test_check_refuses_what_run_would_refuse(tmp_path):
     for find, put, words in (
         ("stop = 6.0 ", "stop = 6000.0 ", "sweep.stop = 6000.0 Hz: must be <= 1250 Hz"),
@@ -280,6 +308,19 @@ def test_converge_writes_tables_and_figures(tmp_path):
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {f"{name}.png" for name in names}
     assert (tmp_path / "out" / "report.html").exists()
     assert fi.load(tmp_path / "out").summary["accuracy"] == 1e-4
+    # of every axis the errors that fall, and what the accuracy takes
+    quantities = read_csv(tmp_path / "out" / "quantities_over_mesh.csv")
+    for axis, counted in (("mesh", "elements"), ("step", "steps in a first period"), ("modes", "modes")):
+        errors = printed[printed.index(f"Over the {axis}: relative errors") :].partition("\n\n")[0].splitlines()
+        assert errors[1].startswith(counted)
+        row = next(line for line in errors if line.startswith("steady tip")).split()[2:]
+        assert len(row) >= 3
+        assert all(a > b for a, b in itertools.pairwise(map(float, row)))
+    first = next(line for line in printed.splitlines() if line.startswith("frequency 1")).split()[2]
+    assert float(first) == pytest.approx(quantities["frequency_1_error"][0], rel=0.05)
+    assert "differences from the finest (* beyond the scatter)" in printed
+    assert printed.count("for 0.01 %") == 3
+    assert "What an accuracy takes" not in printed
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     for words in (
         "Linear response without contacts, base motion of 0.2037 mm at 4.9 Hz",

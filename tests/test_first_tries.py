@@ -25,6 +25,10 @@ def test_an_argument_that_a_function_does_not_have_is_answered_by_those_that_it_
     words = r"State.under_force\(\) missing a required argument: 'force'; its arguments are system, force, at: The "
     with pytest.raises(TypeError, match=words):
         fi.State.under_force(reduced(REFERENCE, 2))
+    with pytest.raises(
+        TypeError, match=r"Beam\.uniform\(\) got an unexpected keyword argument 'lenght'; its arguments"
+    ):
+        fi.Beam.uniform(lenght=0.2)
 
 
 def test_a_channel_that_was_not_recorded_is_answered_by_how_to_keep_it_beside_the_others():
@@ -33,6 +37,8 @@ def test_a_channel_that_was_not_recorded_is_answered_by_how_to_keep_it_beside_th
     words = r"run with fi\.Recorder\(channels=\('tip', \.\.\.\)\): names given replace the default ones"
     with pytest.raises(fi.InputError, match=rf"channel = 'tip\.velocity': unknown; .*known: tip; .*{words}"):
         run["tip.velocity"]
+    with pytest.raises(fi.InputError, match=rf"channel = '0\.1': unknown; .*known: tip; .*{words}"):
+        fi.figures.bifurcation([run], "0.1")
     pytest.importorskip("matplotlib")
     with pytest.raises(fi.InputError, match=rf"channel = 'ball': unknown; .*{words}"):
         fi.figures.motion(run)

@@ -52,6 +52,12 @@ def test_the_page_on_ball_and_box(ran):
     ball = names["ball"]
     assert np.pi / 6 * ball.diameter**3 * 7850.0 == pytest.approx(ball.mass, rel=1e-12)
     assert ball.box_mass(1e-9) == pytest.approx(0.0, abs=1e-8)
+    # of a heavier material a ball is smaller, and stiffer ones press harder
+    tungsten, wc = (fi.Impactor("ball", "tip", 3e-3, 4e-3, fi.Rigid(0.6), material=name, wall="steel")
+                    for name in ("tungsten", "tungsten-carbide"))  # fmt: skip
+    assert np.pi / 6 * tungsten.diameter**3 * 19300.0 == pytest.approx(3e-3, rel=1e-12)
+    assert tungsten.diameter < wc.diameter < ball.diameter
+    assert wc.wall_pressure(0.1)[1] > replace(wc, material="steel").wall_pressure(0.1)[1]
     # without a material nothing is made up
     assert np.isnan(fi.Impactor("ball", "tip", 3e-3, 4e-3, fi.Rigid(0.6)).box_length)
 
@@ -276,6 +282,35 @@ def test_the_page_for_a_course(ran):
     assert Path("ruler.gif").read_bytes()[:3] == b"GIF"
     page = (ROOT / "docs" / "howto" / "course.md").read_text(encoding="utf-8")
     assert len(page.split()) <= 900
+
+
+@pytest.mark.impacts
+def test_what_the_page_for_a_course_says_of_modes_at_the_stop():
+    def at_stop(law, modes):
+        ruler = fi.Beam.uniform(length=0.3, width=0.025, thickness=1e-3, young_modulus=210e9, density=7850)
+        stop = fi.Stop("stop", at="tip", gap=(5e-3, np.inf), contact=law)
+        structure = fi.Structure(ruler, stops=[stop], damping=fi.Rayleigh(ratio=0.02, modes=(1, 2)))
+        system = fi.reduce(fi.assemble(structure, elements=20), modes)
+        run = fi.integrate(system, fi.Sine(2e-3, 12.0), fi.EventDriven(), 30.0, fi.Recorder(("tip",)))
+        late = run.impacts.time > 20.0
+        rebound = run.impacts.rebound_speed[late] / run.impacts.approach_speed[late]
+        begin = int(np.searchsorted(run.time, 20.0))
+        loss = (run.energy.work[-1] - run.energy.work[begin]) / (12.0 * (run.time[-1] - run.time[begin]))
+        return 1e3 * loss, run.steady.peak[0], rebound, run.impacts.duration[late]
+
+    rigid = {modes: at_stop(fi.Rigid(0.7), modes) for modes in (2, 4, 8, 16)}
+    np.testing.assert_allclose([rigid[n][0] for n in rigid], [4.89, 7.8, 7.52, 7.48], rtol=0.01)
+    for number in range(2):
+        assert rigid[8][number] == pytest.approx(rigid[16][number], rel=5e-3)
+        assert rigid[2][number] != pytest.approx(rigid[16][number], rel=0.05)
+    compliant = {modes: at_stop(fi.KelvinVoigt(restitution=0.7, contact_time=5e-3), modes) for modes in (1, 6, 16)}
+    for number in range(2):
+        assert compliant[6][number] == pytest.approx(compliant[16][number], rel=0.01)
+    assert compliant[1][2] == pytest.approx(0.7, abs=0.01)
+    assert compliant[1][3] == pytest.approx(5e-3, rel=0.02)
+    assert np.median(compliant[6][2]) == pytest.approx(0.91, abs=0.01)
+    assert np.median(compliant[6][3]) == pytest.approx(5.7e-3, rel=0.02)
+    assert compliant[6][2].min() == pytest.approx(0.13, abs=0.01)
 
 
 def test_a_phase_portrait_reaches_the_stop():

@@ -494,7 +494,7 @@ def test_a_guess_of_another_system_is_refused(orbits):
 def test_motions_that_stick_or_meet_at_one_instant_are_refused():
     floor = fi.Stop("floor", "mass", (math.inf, 0.0), fi.Rigid(0.1))
     system = oscillator(damping=0.1, stops=[floor])
-    refused(system, fi.PointForce("mass", fi.Sine(0.5, 0.05)), "guess: must lead to a motion without sticking")
+    refused(system, fi.PointForce("mass", fi.Sine(0.5, 0.05)), "guess: must lead to .* of balls$")
     # two equal boxes that know nothing of one another
     balls = [fi.Impactor(f"{name} ball", name, 0.1, 10.0, fi.Rigid(0.8)) for name in ("first", "second")]
     boxes = fi.System.from_matrices(

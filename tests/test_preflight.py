@@ -132,6 +132,10 @@ def test_the_first_gap_is_that_of_two_impacts_that_take_up_the_drive() -> None:
     found = row(fi.preflight(system, fi.Sine(2e-4, 4.0)), "first gap to try")
     assert found.value == pytest.approx(np.pi**2 * 2e-4 / (8.0 * 0.02), rel=1e-12)
     assert "restitution" in found.what
+    # beside it stands the gap that the ball has
+    assert "first gap to try of ball, which has 1 mm: " in found.what
+    uneven = oscillator((2.0 * np.pi * 5.0) ** 2, 0.1, impactors=[replace(ball, gap=(1e-3, 2e-3))])
+    assert "of ball, which has (1, 2) mm: " in row(fi.preflight(uneven, fi.Sine(2e-4, 4.0)), "first gap to try").what
     assert not found.passed
 
 

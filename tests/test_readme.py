@@ -378,6 +378,23 @@ def test_what_a_lecture_shows_stands_beside_a_link_one_click_from_readme(words):
         assert any("](" in line for line in page.splitlines() if words in line)
 
 
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [
+        ("A force", "several_drives"),
+        ("cutting, wind", "mast_in_the_wind"),
+        ("A stop, ", "course"),
+        ("orbits", "orbits"),
+    ],
+)
+def test_the_table_of_the_readme_leads_from_a_question_to_its_page(words, page):
+    rows = (
+        (ROOT / "README.md").read_text(encoding="utf-8").partition("## Questions")[2].partition("\n## ")[0].splitlines()
+    )
+    (row,) = (one for one in rows if one.startswith("| ") and words in one.split(" | ")[0])
+    assert f"docs/howto/{page}.md" in row
+
+
 def test_twelve_questions_are_answered_within_two_clicks():
     page = Path("docs/development/contributing.md")
     rows = re.findall(r"^\| [^|]+\? \| (\[.*) \|$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)

@@ -149,6 +149,12 @@ def run(channels=("tip",), method=EXACT, of=None, base=SINE, duration=0.1, initi
     return fi.integrate(of or small(), base, method, duration, fi.Recorder(channels, **record), initial)
 
 
+def pinned(channel):
+    """A call that reads a channel of a beam on a pin and a spring."""
+    supports, springs = [fi.Support("pinned", "root")], [fi.Spring("front", 0.1, 1e5)]
+    return lambda: run((channel,), STEPPED, of=placed(supports=supports, springs=springs))
+
+
 def free(**parts):
     """Two bodies of 1 kg that nothing holds."""
     matrices = np.eye(2), np.zeros((2, 2)), [[1.0, -1.0], [-1.0, 1.0]]
@@ -472,9 +478,18 @@ CALLS = [
             ("tip.gap", r"unknown.*tip\.rotation"),
             ("ball.rotation", r"unknown.*ball\.gap"),
             ("", r"unknown"),
-            ("tip.reaction_force", r"no such reaction.*known: root\.force, root\.moment"),
-            ("0.1.reaction_moment", r"no such reaction.*known: root\.force, root\.moment"),
+            ("tip.reaction_force", r"no such reaction.*known: root\.reaction_force, root\.reaction_moment$"),
+            ("0.1.reaction_moment", r"no such reaction.*known: root\.reaction_force, root\.reaction_moment$"),
+            ("root.force", r"unknown; did you mean 'root\.reaction_force'\?$"),
         )
+    ),
+    (
+        r"no such reaction: the support there has no moment; take 'root\.reaction_force'$",
+        pinned("root.reaction_moment"),
+    ),
+    *(
+        (rf"'front\.{read}': is the force of a spring or dashpot, no channel: take displ", pinned(f"front.{read}"))
+        for read in ("force", "reaction_force")
     ),
     (r"channels = 'tpi'", lambda: run().largest("tpi")),
     (r"largest: must be a response of `integrate`", lambda: replace(run(), largest_values=None).largest("tip")),
@@ -501,6 +516,17 @@ CALLS = [
             ({"duration": 6.1, "window": 0.3}, "window = 0.3 s: must hold a whole base cycle"),
             ({"duration": 10.0, "window": 5.0, "direction": "up"}, r"window = .* at most a third"),
         )
+    ),
+    *(
+        (
+            rf"amplitude = '{type(drive).__name__}': a sweep moves the base: .* axis force\.NAME\.frequency$",
+            partial(fi.frequency_sweep, small(), drive, [4.0, 4.6], EXACT, cycles=24),
+        )
+        for drive in (fi.PointForce("tip", SINE), SINE + fi.PointForce("tip", SINE))
+    ),
+    (
+        r"excitation = 'PointForce': must be a Sine of the base; under a force integrate on each number of modes$",
+        lambda: fi.convergence.mode_convergence(small(), fi.PointForce("tip", SINE), EXACT, 2.0, [2, 3, 4]),
     ),
     *(
         (words, partial(estimator, frequency, amplitude))

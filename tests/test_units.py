@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femimpact.errors import InputError
-from femimpact.units import UNITS, in_si, interval_texts, number_text, quantity_text, read_unit
+from femimpact.units import UNITS, in_si, interval_texts, number_text, quantity_text, ranges_text, read_unit
 
 
 def test_every_unit_of_the_table_is_of_its_dimension() -> None:
@@ -143,3 +143,8 @@ def test_an_interval_has_two_digits_of_its_half_width() -> None:
         assert low < middle < high
         assert high - low == pytest.approx(2.0 * half, rel=0.55 if half < 1e-3 * value else 0.11)
         assert abs(middle - value) <= 0.51 * half
+
+
+def test_ends_of_a_range_that_are_written_alike_are_written_once() -> None:
+    assert ranges_text([(6.88080, 6.88081), (7.0, 8.0)], "Hz", digits=5) == "6.8808 Hz, 7 to 8 Hz"
+    assert ranges_text([(6.8808, 6.8809)], "Hz", digits=5) == "6.8808 to 6.8809 Hz"

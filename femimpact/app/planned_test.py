@@ -65,7 +65,7 @@ from femimpact.system.reduction import reduce
 from femimpact.system.state import State
 from femimpact.system.system import System, without_impactors
 from femimpact.table import frame_of
-from femimpact.units import rounded
+from femimpact.units import rounded, value_text
 
 if TYPE_CHECKING:
     import pandas
@@ -320,7 +320,11 @@ def _first_gaps(system: System, excitation: Excitation) -> Iterator[PreflightRow
         free = pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0
         phi = abs(float(pair.direction @ modes.vectors[:, k]))
         if free and max(pair.gaps) < math.inf and pair.mass * phi**2 > LEAST_RATIO and driven > 0.0:
-            what = f"first gap to try of {pair.name}{by_itself}: best gap of a light loss, mode {k + 1} ({FIRST_GAP})"
+            own = value_text(pair.gaps[0] if len(set(pair.gaps)) == 1 else pair.gaps, "m")
+            what = (
+                f"first gap to try of {pair.name}{by_itself}, which has {own}: best gap of a light loss, mode {k + 1} "
+            )
+            what += f"({FIRST_GAP})"
             yield row_of(what, math.pi**2 * driven / (8.0 * pair.mass * phi), "m")
 
 

@@ -204,9 +204,10 @@ class KelvinVoigt(CompiledLaw):
     damping : float, N s/m
         Of the dashpot.
     restitution : float, 1
-        Rebound over approach speed of the ball against the effective mass of the pair.
+        Rebound over approach speed for the effective mass of the pair: of the ball and the first mode, at a stop of
+        the first mode alone. With more modes `rebound_speed / approach_speed` of a run's impacts is what it achieves.
     contact_time : float, s
-        From touch to zero force.
+        From touch to zero force, for that mass.
     """
 
     stiffness: float | None = field(default=None, metadata=quantity("N/m", above=0.0))
@@ -558,7 +559,13 @@ class Material:
 
 STEEL = Material(210e9, 0.30)
 ALUMINIUM = Material(70e9, 0.33)
-MATERIALS = {"steel": (STEEL, 7850.0), "aluminium": (ALUMINIUM, 2700.0), "glass": (Material(60e9, 0.23), 2500.0)}
+MATERIALS = {
+    "steel": (STEEL, 7850.0),
+    "aluminium": (ALUMINIUM, 2700.0),
+    "glass": (Material(60e9, 0.23), 2500.0),
+    "tungsten": (Material(400e9, 0.28), 19300.0),  # pure, by matweb.com
+    "tungsten-carbide": (Material(630e9, 0.24), 15000.0),  # by makeitfrom.com
+}
 """Materials of balls and walls by their names in study files, each with its density (kg/m^3)."""
 
 

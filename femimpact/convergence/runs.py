@@ -363,7 +363,8 @@ def mode_convergence(
     (3,)
     """
     require_type(system, System, "system")
-    require_type(excitation, Sine, "excitation")
+    allowed = "must be a Sine of the base; under a force integrate on each number of modes"
+    require(isinstance(excitation, Sine), "excitation", type(excitation).__name__, "", allowed)
     duration = checked("duration", duration, quantity("s", above=0.0))
     numbers = rising_numbers("counts", counts, system.dofs)
     require(len(system.contacts) > 0, "system.contacts", 0, "", "must be one or more: without impacts modes decouple")

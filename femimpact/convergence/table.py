@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from femimpact.arrays import Array
 from femimpact.errors import check_fields, choice, column, quantity, require, require_name, require_type, text
 from femimpact.table import figure_note, frame_of
+from femimpact.units import number_text
 
 if TYPE_CHECKING:
     import pandas
@@ -234,7 +235,7 @@ def _errors(table: ConvergenceTable, width: int) -> list[str]:
         title += f", {len(cases)} of {known.size} cases"
     if np.any(table.is_statistic):
         title += " (* beyond the scatter)"
-    lines = [title, row_line(COUNTED[table.axis][:NAME], [f"{table.number[i]:.4g}" for i in cases], width)]
+    lines = [title, row_line(COUNTED[table.axis][:NAME], [number_text(table.number[i]) for i in cases], width)]
     meaningful = table.meaningful
     for j, name in enumerate(table.name):
         marks = ["*" if table.is_statistic[j] and meaningful[i, j] else "" for i in cases]
@@ -246,7 +247,8 @@ def _errors(table: ConvergenceTable, width: int) -> list[str]:
 def _orders(table: ConvergenceTable, width: int) -> list[str]:
     """Orders, floors, recommended numbers and limits of what does not scatter."""
     drawn = np.flatnonzero(~table.is_statistic)
-    if drawn.size == 0:
+    # of runs in steps that are read back none is known
+    if not np.any(np.isfinite([table.fitted_order[drawn], table.expected_order[drawn], table.recommended[drawn]])):
         return []
 
     def line(name: str, cells: Sequence[str], end: str) -> str:

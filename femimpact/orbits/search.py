@@ -68,7 +68,7 @@ BEFORE = {IMPACT: FREE, TOUCH: FREE, RELEASE: CONTACT, PRESS_AGAIN: SEPARATING, 
 
 STICKS = (
     "must lead to a motion without sticking: orbits that stick to a wall, or chatter, are not looked for; try another "
-    "amplitude, frequency or gap, or in Python fi.State(ball_displacement=[...], ball_velocity=[...]) off the wall"
+    "amplitude, frequency or gap, or in Python a start off the wall: fi.State(), with ball_displacement=[...] of balls"
 )
 
 

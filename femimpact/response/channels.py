@@ -194,8 +194,17 @@ def _reaction(system: System, at: Any, read: str) -> dict[str, Any]:
     known = list(system.reactions)
     reaction = f"{at if isinstance(at, str) else f'{at:.9g}'}.{read}"
     if reaction not in known:
-        require(False, "channels", f"{at}.reaction_{read}", "", f"no such reaction: {suggestion(reaction, known)}")
+        names, channel = _reaction_channels(system), f"{at}.reaction_{read}"
+        other = next((name for name in names if name.startswith(f"{at}.")), None)
+        lacks = f"the support there has no {read}; take {other!r}" if other else suggestion(channel, names)
+        require(False, "channels", channel, "", f"no such reaction: {lacks}")
     return {"reaction": np.eye(len(known))[known.index(reaction)]}
+
+
+def _reaction_channels(system: Any) -> list[str]:
+    """Names of the channels of what supports do to a structure; the force of a spring or dashpot has none."""
+    parts = [name.rpartition(".") for name in getattr(system, "reactions", ())]
+    return [f"{stem}.reaction_{read}" for stem, _, read in parts if _kind(system, stem)]
 
 
 def _shaker_force(system: System, at: None) -> dict[str, Any]:
@@ -348,7 +357,11 @@ def channel_of(
         return QuantityAt(channel)
     stem, _, read = (channel, "", "displacement") if _kind(system, channel) else channel.rpartition(".")
     kind = _kind(system, stem)
+    reaction = f"{stem}.{read.removeprefix('reaction_')}"
+    is_reaction = reaction in getattr(system, "reactions", ())
     if kind is None:
+        spring = "is the force of a spring or dashpot, no channel: take displacement or velocity of its place times "
+        require(not is_reaction, "channels", channel, "", f"{spring}its stiffness or damping")
         alone = ["gap", "contact_force"] if len(system.contacts) == 1 else []
         known = [*system.points, *(pair.name for pair in system.contacts), *alone, "shaker_force"]
         behind = [name for name, entry in QUANTITIES.items() if entry.of]
@@ -359,7 +372,8 @@ def channel_of(
     moving = kind != "stop" or read not in DERIVATIVES
     require(moving, "channels", channel, "", "is a stop, which does not move: take its .gap or .contact_force")
     if f"{stem}.{read}" not in fitting:
-        require(False, "channels", channel, "", suggestion(channel, fitting))
+        words = f"unknown; did you mean '{stem}.reaction_{read}'?" if is_reaction else suggestion(channel, fitting)
+        require(False, "channels", channel, "", words)
     return QuantityAt(read, stem if stem in system.points or kind != "place" else _metres(stem))
 
 

@@ -328,8 +328,10 @@ def deflection_warnings(
     if not 0.0 < LARGE * length < largest:
         return ()
     share = largest / length
+    words = number_text(share, 3)
     return (
-        f"the beam deflects by up to {largest:.4g} m, {number_text(share, 3)} of its length, beyond {LARGE:g}: "
+        f"the beam deflects by up to {largest:.4g} m, {'just over ' * (words == f'{LARGE:g}')}{words} of its length, "
+        f"beyond {LARGE:g}: "
         "linear beam theory "
         f"has an error of about the square of this share, {number_text(100.0 * share * share, 2)} %",
     )

@@ -152,7 +152,7 @@ class Impactor:
         Constant acceleration along the ball's path (gravity for a vertical motion).
     free_damping : float, N s/m
         Dashpot beside the centring spring, acting everywhere.
-    material, wall : {"steel", "aluminium", "glass"}, optional
+    material, wall : {"steel", "aluminium", "glass", "tungsten", "tungsten-carbide"}, optional
         Of the ball, a full sphere, and of the walls of its box: what these measure, no motion.
 
     Raises

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from femimpact.arrays import Array
 from femimpact.errors import checked, in_range, level_rows, quantity, real_array, require, require_type, truth, warns
 from femimpact.excitation.drives import Rest
+from femimpact.excitation.excitation import holds_drives, is_force
 from femimpact.excitation.harmonic import Level, Sine, level_at, require_reach
 from femimpact.integrators.cases import SineCases, SineDwellResults, joined, workers_of
 from femimpact.integrators.channel_rows import drive_of, mode_notes
@@ -204,6 +205,9 @@ def _checked_level(amplitude: Any, acceleration: Any, frequency: Array) -> tuple
     """Amplitude (m) or acceleration (m/s^2) of the base, one of which is given; rows reach over frequencies (Hz)."""
     allowed = "has no frequency to sweep over: integrate runs a free decay, and identify_decay reads its frequencies"
     require(not isinstance(amplitude, Rest), "amplitude", "Rest", "", allowed)
+    under = "a sweep moves the base: under a force integrate at each frequency, or take a study file with its axis"
+    forced = is_force(amplitude) or holds_drives(amplitude)
+    require(not forced, "amplitude", type(amplitude).__name__, "", f"{under} force.NAME.frequency")
     exclusive = (amplitude is None) != (acceleration is None)
     wrong = None if amplitude is None else "both"
     require(exclusive, "amplitude", wrong, "", "must be given alone: one of amplitude (m) and acceleration (m/s^2)")

@@ -53,7 +53,7 @@ MEASURES = {
             for one in fields(SteadyMotion)
             if "words" in one.metadata
         ),
-        Measure("peak_ratio", "1", "peak over that of the same case without balls", Source.BARE, better="small"),
+        Measure("peak_ratio", "1", "peak with balls over that without, below 1 is better", Source.BARE, better="small"),
         Measure("impacts_per_cycle", "1", "impacts in a cycle of the base", Source.DWELL),
         Measure("mean_approach_speed", "m/s", "mean approach speed of the impacts", Source.DWELL, better="small"),
         Measure("largest_approach_speed", "m/s", "largest approach speed of an impact", Source.DWELL, better="small"),

@@ -436,7 +436,7 @@ def records_of(results: ResultReading, best: Mapping[str, BestCase] | None = Non
         results.followed,
         run,
         results.modes,
-        *_convergence_tables(results, results.findings.accuracy or DEFAULT_ACCURACY),
+        *convergence_tables(results),
         *(best_measures(data, best) if data is not None and best else ()),
         *(
             (results.attempt(FILES["parameter_study"].name, lambda: measures_of(data)) or ())
@@ -454,8 +454,9 @@ DEFAULT_ACCURACY = 1e-3
 """Of tables of convergence whose notes are lost."""
 
 
-def _convergence_tables(results: ResultReading, accuracy: float) -> Iterator[Any]:
-    """Tables of a convergence study that can be read."""
+def convergence_tables(results: ResultReading) -> Iterator[Any]:
+    """Tables of a convergence study that can be read: of each printed, errors, orders and what an accuracy takes."""
+    accuracy = results.findings.accuracy or DEFAULT_ACCURACY
     summary = results.table(FILES["convergence_summary"].name)
     for key, axis, known in (
         *((f"quantities_over_{axis}", axis, summary) for axis in ("mesh", "step", "modes")),
@@ -478,7 +479,7 @@ Beside = list[Element | Table | str]
 def tables_of(results: ResultReading) -> Iterator[Table]:
     """Tables of results that stand on the page and on the terminal alike."""
     for key, make in (
-        ("modes", _modes), ("motion", _motion), ("orbits", _orbits), ("recommended", _recommended), ("box", _boxes),
+        ("modes", _modes), ("motion", _motion), ("orbits", _orbits), ("box", _boxes),
     ):  # fmt: skip
         parts = results.attempt(SECTIONS[key], partial(make, results)) or []
         yield from (part for part in parts if isinstance(part, Table))

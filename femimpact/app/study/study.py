@@ -40,7 +40,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation.chirp import Chirp
 from femimpact.excitation.drives import Drives, HammerBlow, PointForce, alone, until
-from femimpact.excitation.excitation import Excitation
+from femimpact.excitation.excitation import Excitation, has_cycle
 from femimpact.excitation.harmonic import Level, Sine, SteppedSine, require_reach
 from femimpact.excitation.random_base import RandomBase
 from femimpact.excitation.records import RecordedBase
@@ -365,7 +365,10 @@ class Study:
             len(set(of)) == len(of), "start", None, "", "must have at most one table for a ball, and one for a place"
         )
         if self.sweep is not None:
-            sine_of(self, "sweep", instead="; remove [sweep], or give [base] an amplitude and a frequency")
+            ways = "; remove [sweep], or give [base] an amplitude and a frequency"
+            cyclic = [name for name, force in named_forces(self.base, self.forces) if has_cycle(force)]
+            over = [f"; over its frequency goes [study] with the axis 'force.{name}.frequency'" for name in cyclic[:1]]
+            sine_of(self, "sweep", instead="".join([ways, *over]))
 
     @cached_property
     def excitation(self) -> Excitation:

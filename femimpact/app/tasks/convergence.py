@@ -71,7 +71,8 @@ def task_of_convergence(
 
     Raises `InputError` if the mesh or the method does not fit the study, or its base does not move by a sine.
     """
-    sine_of(study, "converge")
+    free = "fi.convergence_study(structure, meshes, fi.convergence.Frequencies(4)) of a script needs none"
+    sine_of(study, "converge", instead=f"; take a copy of the study with such a [base] and no force, or {free}")
     mesh = read_mesh_of(study)
     full, small = build_systems(study, mesh)
     method = method_for(study, small)
