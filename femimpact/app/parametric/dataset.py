@@ -221,7 +221,9 @@ def _variables(study: ParameterStudy) -> Iterator[tuple[str, dict[str, str]]]:
 def _drive(study: ParameterStudy) -> str:
     """What drives every case, with the numbers that no axis gives."""
     if isinstance(study.study, Study) and not study.has_cycle:
-        return ", with ".join(drive_words(study.study.excitation))
+        axes = [place.path for place in study.places if place.owner in ("base", "force")]
+        of_axes = [f"but {path_words(path)} as its axis has it" for path in axes]
+        return "; ".join([", with ".join(drive_words(study.study.excitation)), *of_axes])
     varied = {place.field for place in study.places if place.owner == "base"}
     units = {"amplitude": "m", "acceleration": "m/s^2", "frequency": "Hz"}
     fixed = [

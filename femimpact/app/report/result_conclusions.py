@@ -389,7 +389,9 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
     without = findings.history_without
     if without is not None:
         label, rms = f"{PEAK}{findings.observed} without {findings.carried}", history_words(None, without.rms, "m")
-        yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
+        note, details = over + _settling(without), (f"rms {rms} {without.window_of_peaks}",)
+        sample = without.peak_is_one_start
+        yield number_conclusion(label, without.peak, "m", one_sample=sample, note=note, details=details)
 
 
 def _stresses(findings: Findings, limits: Mapping[str, float]) -> Iterator[Conclusion]:
@@ -540,6 +542,9 @@ MOST_NAMES = 20
 MOST_MEASURES = 8
 """Measures that have conclusions."""
 
+OF_MOTION = ("peak", "rms", "peak_ratio")
+"""Measures of the motion at the observed place."""
+
 NO_BEST_CASES: Mapping[str, BestCase] = {}
 NO_REASONS: Mapping[str, str] = {}
 
@@ -549,7 +554,7 @@ def study_lead(data: xarray.Dataset) -> list[str]:
     sizes, starts = tuple(data["finished"].sizes.values()), int(data.attrs["starts"])
     shape = f" ({' x '.join(map(str, sizes))})" if len(sizes) > 1 else ""
     each = f"{starts} starts each" if starts > 1 else "one start each"
-    run = "a case is a run of the whole history of the base"
+    run = "a case is a run of the whole history, all of which is measured"
     if "cycles" in data.attrs:
         cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
         run = f"{cycles} cycles of the base, of which the last {measured} are measured"
@@ -644,6 +649,8 @@ def _of_case(
         low, high = (_text(data[f"{measure}{end}"].to_numpy()[at], attributes) for end in ("_low", "_high"))
         scatter = f"{low} to {high} over {starts} starts"
     sample = bool(single_samples(data)[at]) and not scatter
+    # that of `femimpact run` is of the last third
+    note += "; of the whole history, its start included" * (measure in OF_MOTION and "cycles" not in data.attrs)
     number = typeset_number(factor * value, zeros=True)
     return Conclusion(label, number, unit_words(value, unit), scatter, sample, note, details)
 

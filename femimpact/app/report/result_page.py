@@ -15,6 +15,7 @@ import numpy as np
 
 from femimpact.app.parametric.best_design import (
     LIMIT,
+    OF_AXIS,
     WORST_AT,
     BestCase,
     limited_words,
@@ -65,7 +66,7 @@ from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import require, require_path
 from femimpact.excitation.drives import drive_words
-from femimpact.excitation.excitation import words_of
+from femimpact.excitation.excitation import is_force, words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
 from femimpact.orbits.figures import kind_words
@@ -198,7 +199,7 @@ ON_SHEET = ("best", "response", "orbits", "convergence", "study", "motion")
 LEFT_OFF_SHEET = ("Energy unaccounted for",)
 """Conclusions that check the computation."""
 
-KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$"), (": fit: no interval: ", ": half-power: ")
+KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$|{OF_AXIS}$"), (": fit: no interval: ", ": half-power: ")
 """What details have in them that a sheet keeps, and warnings of an interval or of a second estimate, which has none."""
 
 
@@ -326,26 +327,30 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
     """The largest steady peak without balls, in a sentence, and over that of the best case; None where not known."""
     data, study, design = results.parameter_study, results.study, case.designs[0]
     axes = set() if data is None else set(axis_names(data))
-    of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
+    of_drive = [axis for axis in axes if FREQUENCY.fullmatch(axis)]
+    of_balls = all(axis in of_drive or axis.startswith(("impactor.", "start.")) for axis in axes)
     if data is None or study is None or case.measure != "peak" or not of_balls:
         return None
-    sine, system, place = study.excitation, build_systems(study)[1], data.attrs["place"]
-    bare = without_impactors(system)
+    drive, system, place = study.excitation, build_systems(study)[1], data.attrs["place"]
+    # of a force its history, read as newtons
+    bare, sine = without_impactors(system), getattr(drive, "history", drive)
     if not system.balls or bare.contacts or not isinstance(sine, Sine):
         return None
-    f = np.unique(data[FREQUENCY].to_numpy()) if FREQUENCY in axes else np.array([sine.frequency])
+    f = np.unique(data[of_drive[0]].to_numpy()) if of_drive else np.array([sine.frequency])
     # a grid may step over a resonance, of which the motion without balls has a closed form
     natural = solve_modes(bare, bare.dofs).natural_frequency
     f = np.union1d(f, natural[(natural > f[0]) & (natural < f[-1])])
-    steady = transfer_function(bare, f, to=(place,), of="base.displacement")
-    peaks = sine.amplitude * np.abs(steady[place])
+    of = "base.displacement" if sine.by == "amplitude" else "base.acceleration"
+    at: dict[str, Any] = {"force_at": drive.at} if is_force(drive) else {"of": of}
+    peaks = sine.level * np.abs(transfer_function(bare, f, to=(place,), **at)[place])
     largest, value = int(np.argmax(peaks)), float(data["peak"].to_numpy().flat[design.case])
     over = f"from {f[0]:.4g} to {f[-1]:.4g} Hz" if f.size > 1 else "there"
     without = f"Without {results.findings.carried} the largest steady peak {over} is {unit_text(peaks[largest], 'm')}"
     return f"{without}, at {f[largest]:.4g} Hz.", peaks[largest] / value
 
 
-FREQUENCY = "base.frequency"
+FREQUENCY = re.compile(r"base\.frequency|force\..+\.frequency")
+"""Axes of the frequency of a single drive."""
 
 
 def _file_name(results: ResultReading, findings: Findings) -> str:
