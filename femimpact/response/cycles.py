@@ -329,9 +329,9 @@ def deflection_warnings(
         return ()
     share = largest / length
     return (
-        f"the beam deflects by up to {largest:.4g} m, {number_text(share, 3)} of its length, beyond {LARGE:g}: "
+        f"the beam deflects by up to {largest:.4g} m, more than {LARGE:g} of its length of {length:.4g} m: "
         "linear beam theory "
-        f"has an error of about the square of this share, {number_text(100.0 * share * share, 2)} %",
+        f"has an error of about the square of that share, {number_text(100.0 * share * share, 2)} %",
     )
 
 

@@ -132,6 +132,8 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     ratio = median.get("amplitude_ratio", empty.peak_amplitude / peak)
     verb, factor = _change(findings.carried, ratio)
     least = "at least " if empty.resolved is False else ""
+    if least and factor != SAME:
+        factor = f"{least if ratio >= 1.0 else 'at most '}{factor}"
     return (
         f"The {findings.carried} {verb} the largest motion of {findings.observed} from {least}"
         f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "

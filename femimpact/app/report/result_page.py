@@ -331,7 +331,8 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
     of_balls = all(axis in of_drive or axis.startswith(("impactor.", "start.")) for axis in axes)
     if data is None or study is None or case.measure != "peak" or not of_balls:
         return None
-    drive, system, place = study.excitation, build_systems(study)[1], data.attrs["place"]
+    drive: Any = study.excitation
+    system, place = build_systems(study)[1], data.attrs["place"]
     # of a force its history, read as newtons
     bare, sine = without_impactors(system), getattr(drive, "history", drive)
     if not system.balls or bare.contacts or not isinstance(sine, Sine):
@@ -535,19 +536,21 @@ def _motion(results: ResultReading) -> Beside:
 
 
 def _boxes(results: ResultReading) -> Beside:
-    """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
+    """Sizes of balls of a known material, their boxes and the beam there, and the pressure at the fastest impact."""
     study, of_design = results.best_design or (results.study, "by the gaps of the study file")
     balls = [one for one in study.structure.impactors if one.material] if study else []
     impacts = results.table(FILES["impacts"].name) if balls else None
-    rows = []
+    rows, system = [], drawn_system(study.structure, results.findings.points) if study and balls else None
     for ball in balls:
         speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
         speed = max(speeds, default=math.nan)
         force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
         sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
-        rows.append((ball.name, ball.material, ball.wall, *sizes, float(speed), force, 1e-6 * pressure))
+        at = math.nan if study is None or system is None else system.position_of(study.structure.place_of(ball.at))
+        high = math.nan if study is None else 1e3 * study.structure.beam.drawn_at(at)[1]
+        rows.append((ball.name, ball.material, ball.wall, *sizes, high, float(speed), force, 1e-6 * pressure))
     # without impacts, or without a wall, a column has nothing
-    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
+    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)", "height of the beam there (mm)"
     of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
     header = ("ball", "material", "wall", *names, *of_impact)
     filled = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
@@ -618,9 +621,9 @@ def _orbits(results: ResultReading) -> Beside:
     if followed is None:
         return []
     parameter = followed.branches[0].parameter
-    more = ": one mode more moves windows that are some 0.01 Hz wide" if parameter == "base.frequency" else ""
+    more = "bifurcations move with each further mode, so follow the branches again with one mode more"
     return [
-        f"On {counted(followed.modes, 'mode')}{more}. At stable orbits every small disturbance decays.",
+        f"On {counted(followed.modes, 'mode')}: {more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
         branch_table(followed, FILES["branch_table"].name),
         *_of_file(results, "bifurcations", partial(_bifurcation_table, parameter)),
@@ -632,6 +635,9 @@ def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mappin
         return None
     kinds = [kind_words(str(kind)) for kind in columns["kind"]]
     whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+    # at an impact without speed it is infinite
+    no_number = np.isin(columns["kind"], ("grazing", "sticking"))
+    whole["largest_multiplier"] = np.where(no_number, math.nan, columns["largest_multiplier"])
     return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
 
 
