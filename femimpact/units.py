@@ -420,7 +420,9 @@ def ranges_text(
     """Ranges of the parameter of branches with its unit; of more than `most` the widest, and how many more."""
     widest = sorted(sorted(ranges, key=lambda ends: ends[0] - ends[1])[:most])
     told = [
-        f"{low:.{digits}g} to " * (f"{low:.{digits}g}" != f"{high:.{digits}g}") + parameter_text(high, unit, digits)
+        f"{low:.{digits}g} to {parameter_text(high, unit, digits)}"
+        if f"{high:.{digits}g}" != f"{low:.{digits}g}"
+        else parameter_text(low, unit, digits)
         for low, high in widest
     ]
     return ", ".join([*told, *([f"and {len(ranges) - len(told)} more"] if len(ranges) > len(told) else [])])

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 
 import numpy as np
 import pytest
@@ -399,6 +400,9 @@ def test_figure_report_and_table(tmp_path):
     assert frame.attrs["units"]["frequency"] == "Hz"
     page = fi.report(tmp_path / "decay.html", {"Ring-down": found}).read_text(encoding="utf-8")
     assert "90% interval" in page
+    # the answer is the ratio, also beside a run
+    ratio = re.search(r'class="answer">Damping ratio, Ring-down: ([\d.]+) %, at ', page)
+    assert float(ratio[1]) == pytest.approx(100.0 * found.modes[0].damping_ratio, rel=1e-3)
     assert "DecayEstimate: 1 mode" in repr(found)
 
 

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from builders import run_study, write_parameter_study
+from test_markup import Parsed
+from test_report import text_of
 from test_study_forces import HAMMER, REST, SINE, read
 
 import femimpact as fi
 from femimpact.app.report.views import spectra_of
+from femimpact.arrays import Array
+from femimpact.cli import print_results
 from femimpact.excitation.drives import drive_words
 
 SHAKER = '[[force]]\nname = "shaker"\nat = "mid"\nkind = "sine"\nforce = 0.1\nfrequency = 33.0\n'
@@ -58,7 +66,7 @@ def test_the_energies_of_several_drives_have_the_work_of_each_and_their_sum():
 @pytest.mark.parametrize(
     ("drive", "said", "axis"),
     [
-        (fi.Sine(1e-3, 5.0), ("amplitude 1 mm", "frequency 5 Hz", "0.987 m/s^2 (0.101 g)"), "acceleration (m/s^2)"),
+        (fi.Sine(1e-3, 5.0), ("base at 5 Hz; amplitude 1 mm", "0.987 m/s^2 (0.101 g)"), "acceleration (m/s^2)"),
         (
             fi.Chirp(3.0, 12.0, 120.0, acceleration=0.05 * 9.80665, kind="logarithmic"),
             ("start 3 Hz", "stop 12 Hz", "1 oct/min", "acceleration 0.4903 m/s^2 (0.05 g)"),
@@ -165,6 +173,68 @@ def test_a_stepped_sine_over_gaps_says_where_its_frequencies_are(tmp_path):
     axes = '[study]\nmeasures = ["peak"]\n[study.axes]\n"impactor.ball.gap" = [1e-3, 2e-3]\n'
     write_parameter_study(read(ball, "[damping]\nratio = 0.01\nmodes = [1, 2]\n", steps, axes, QUIET), tmp_path / "out")
     assert "one value over all dwells" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+BALL = (
+    '[[impactor]]\nname = "ball"\nat = "tip"\nmass = 1e-3\ngap = 1e-3\n'
+    'contact = { law = "rigid", restitution = 0.6 }\n[damping]\nratio = 0.02\nmodes = [1, 2]\n'
+)
+AT_TIP = '[base]\nkind = "rest"\nhistory = 6.0\ninitial = "base"\n[[force]]\nname = "cut"\nkind = "sine"\n'
+FORCES = {"point": 'at = "tip"\nforce = 0.02\n', "line": "density = 0.2\n"}
+
+
+def steady_peaks(study: fi.app.Study, frequencies: Sequence[float]) -> Array:
+    """Peaks (m) of the tip without its ball, by integration until a start has died out."""
+    bare = fi.without_impactors(fi.reduce(fi.assemble(study.structure, elements=4), modes=2))
+    drives = [replace(study.excitation, history=fi.Sine(study.excitation.history.level, f)) for f in frequencies]
+    return np.array([fi.integrate(bare, drive, fi.EventDriven(), 9.0).steady.peak[0] for drive in drives])
+
+
+@pytest.mark.usefixtures("empty_pictures")
+@pytest.mark.parametrize("kind", FORCES)
+def test_a_run_under_a_sine_of_a_force_has_the_peak_without_its_ball(kind, tmp_path, capsys):
+    study = read(BALL, AT_TIP, FORCES[kind], "frequency = 15.5\n", QUIET)
+    results = run_study(study, tmp_path / "out", parts=("simulate",))
+    with_ball, without = (results.summary[name]["peak"] for name in ("history", "history_without"))
+    assert without == pytest.approx(steady_peaks(study, [15.5])[0], rel=1e-4)
+    assert with_ball < 0.8 * without
+    print_results(results.directory)
+    told = re.search(r"lowers the largest motion of the tip from (\S+) mm to (\S+) mm", capsys.readouterr().out)
+    assert [float(one) for one in told.groups()] == pytest.approx([1e3 * without, 1e3 * with_ball], rel=5e-3)
+
+
+@pytest.mark.parametrize("kind", FORCES)
+def test_a_study_over_the_frequency_of_a_force_has_the_peak_without_its_ball(kind, tmp_path):
+    axes = '"impactor.ball.gap" = [1e-3, 2e-3]\n"force.cut.frequency" = [15.0, 15.4, 16.0]\n'
+    table = f'[study]\nmeasures = ["peak"]\n[study.axes]\n{axes}[study.best]\nmeasure = "peak"\n'
+    study = read(BALL, AT_TIP, FORCES[kind], "frequency = 9.0\n", table, QUIET)
+    data = write_parameter_study(study, tmp_path / "out")
+    head, text = (Parsed(one).text for one in ((tmp_path / "out" / "report.html").read_text().split("<main")))
+    # a resonance lies between two frequencies of the axis
+    largest = steady_peaks(study, np.linspace(15.0, 16.0, 101)).max()
+    told = re.search(r"Without ball the largest steady peak from 15 to 16 Hz is (\S+) mm, at 15\.\d+ Hz", head)
+    assert 1e-3 * float(told[1]) == pytest.approx(largest, rel=1e-3)
+    ratio = re.search(r", (\S+) times less than without ball", head)
+    assert float(ratio[1]) == pytest.approx(largest / float(data["peak"].max("force.cut.frequency").min()), rel=1e-2)
+    # the frequency of the study file is that of no case, and the motion is that of the tip
+    assert "but frequency of force cut as its axis has it." in head
+    assert "of the base" not in head
+    # `femimpact run` takes the last third
+    assert "of the whole history, its start included" in text
+
+
+@pytest.mark.parametrize(("level", "frequency"), [("amplitude = 2e-4", 15.4), ("acceleration = 2.0", 9.0)])
+def test_the_peak_without_its_ball_is_that_of_the_level_of_the_base(level, frequency, tmp_path):
+    """An acceleration is the same at all frequencies of an axis, and its amplitude is not."""
+    axes = '"impactor.ball.gap" = [1e-3, 2e-3]\n"base.frequency" = [15.0, 15.4, 16.0]\n'
+    table = f'[study]\nmeasures = ["peak"]\ncycles = 30\n[study.axes]\n{axes}[study.best]\nmeasure = "peak"\n'
+    study = read(BALL, f"[base]\n{level}\nfrequency = {frequency}\n", table, QUIET)
+    write_parameter_study(study, tmp_path / "out")
+    bare = fi.without_impactors(fi.reduce(fi.assemble(study.structure, elements=4), modes=2))
+    given = {study.sine.by: study.sine.level, "frequency": bare.first_frequency}
+    peak = fi.integrate(bare, fi.Sine(**given), fi.EventDriven(), 9.0).steady.peak[0]
+    told = re.search(r"the largest steady peak from 15 to 16 Hz is (\S+) mm", text_of(tmp_path / "out"))
+    assert 1e-3 * float(told[1]) == pytest.approx(peak, rel=2e-3)
 
 
 def test_files_call_relative_what_is_relative_to_the_base():

@@ -659,6 +659,11 @@ def test_the_answer_of_a_sweep_says_what_the_ball_does():
     larger = {"empty": sweep["ball"], "ball": sweep["empty"]}
     assert "The ball raises the largest motion" in answer_of(Findings(sweep=larger), ())
     assert "8 times more" in answer_of(Findings(sweep=larger), ())
+    # where the larger peak is a bound, their ratio is one
+    coarse = {"empty": replace(sweep["empty"], resolved=False), "ball": sweep["ball"]}
+    words = answer_of(Findings(sweep=coarse), ())
+    assert "from at least 36.8 mm" in words
+    assert words.endswith(": at least 8 times less.")
 
 
 def test_two_runs_named_without_and_with_are_compared(tmp_path):

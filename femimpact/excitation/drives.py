@@ -417,8 +417,11 @@ def drive_words(excitation: Any) -> list[str]:
     drives = getattr(excitation, "drives", (excitation,))
     for name, drive in zip(getattr(excitation, "names", ("",)), drives, strict=True):
         unit = "1" if isinstance(getattr(drive, "at", None), LineLoad) else "N" if is_force(drive) else "m/s^2"
-        numbers = ", ".join(_numbers(getattr(drive, "history", drive), unit))
-        lines.append(f"{f'{name}, ' * (name not in ('', 'base'))}{words_of(drive)}{'; ' * bool(numbers)}{numbers}")
+        words, numbers = words_of(drive), list(_numbers(getattr(drive, "history", drive), unit))
+        if words.endswith(" Hz"):
+            numbers = [text for text in numbers if not text.startswith("frequency ")]
+        named = f"{f'{name}, ' * (name not in ('', 'base'))}{words}"
+        lines.append("; ".join(filter(None, (named, ", ".join(numbers)))))
     return lines
 
 

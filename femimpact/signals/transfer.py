@@ -19,13 +19,14 @@ from femimpact.errors import (
     faults_of,
     instance,
     optional,
-    place,
     real_array,
     require,
     require_name,
     takes,
     warns,
 )
+from femimpact.excitation.drives import PLACE_OR_LINE
+from femimpact.excitation.excitation import LineLoad
 from femimpact.integrators.channel_rows import Drive, channel_rows, mode_notes
 from femimpact.response.channels import Channel, channel_key, resolve_channels
 from femimpact.response.response import Recorder
@@ -101,14 +102,14 @@ class TransferFunction:
 
 
 @warns
-@takes(system=instance(System), of=optional(choice(*INPUTS)), force_at=optional(place()))
+@takes(system=instance(System), of=optional(choice(*INPUTS)), force_at=optional(PLACE_OR_LINE))
 def transfer_function(
     system: System,
     frequency: ArrayLike,
     to: Position | Channel | Sequence[Position | Channel] | None = None,
     of: str | None = None,
     *,
-    force_at: Position | None = None,
+    force_at: Position | LineLoad | None = None,
 ) -> TransferFunction:
     """Transfer functions of the linear system in closed form, from the base or from a force to any channels.
 
@@ -125,8 +126,9 @@ def transfer_function(
         Outputs, as of `Recorder.channels`; by default the absolute acceleration of the default place.
     of : {"base.displacement", "base.velocity", "base.acceleration"}, optional
         Input; the acceleration by default.
-    force_at : str or float, optional
-        Place of a force, which is the input in place of a motion of the base, which is at rest.
+    force_at : str, float or LineLoad, optional
+        Place of a force, which is the input in place of a motion of the base, which is at rest; of a line load the
+        input is its history.
 
     Raises
     ------
@@ -164,7 +166,7 @@ def transfer_function(
         u, y = harmonic_amplitudes(system, drive.load, share, frequency_hz, rate, rate**2)
         read = (rows.displacement + rate * rows.velocity) @ u + (rows.ball_displacement + rate * rows.ball_velocity) @ y
         spectra[i] = read + share * (rows.base @ [1.0 / rate**2, 1.0 / rate, 1.0]) + rows.drive[:, 0]
-    unit, integrals = INPUTS[of] if of else ("N", 0)
+    unit, integrals = INPUTS[of] if of else ("1" if isinstance(force_at, LineLoad) else "N", 0)
     spectra *= (2j * math.pi * f[:, None]) ** integrals
     values = {channel.name: spectra[:, i] for i, channel in enumerate(channels)}
     units = {channel.name: unit_over(channel.unit, unit) for channel in channels}
@@ -245,13 +247,13 @@ def checked_frequencies(frequency: ArrayLike) -> Array:
     return f
 
 
-def force_name(at: Position) -> str:
+def force_name(at: Position | LineLoad) -> str:
     """The name of a force as an input: "force at tip"."""
     return f"force at {f'{at:g} m' if isinstance(at, (int, float)) else at}"
 
 
 def unit_over(unit: str, other: str) -> str:
     """The unit of a quotient: "1", "m/N", "Pa/(m/s^2)"."""
-    if unit == other:
-        return "1"
+    if unit == other or other == "1":
+        return unit if other == "1" else "1"
     return f"{unit or '1'}/{other if other.isalpha() else f'({other})'}"

@@ -201,8 +201,8 @@ def limited_words(design: BestDesign) -> str:
     return " within the limits, which {} of {} designs do not keep".format(*design.beyond) if design.beyond[0] else ""
 
 
-LIMIT, WORST_AT = "limit", "worst at"
-"""Words before the limit of a measure, and before the place where a design is worst."""
+LIMIT, WORST_AT, OF_AXIS = "limit", "worst at", "value of the axis"
+"""Words before the limit of a measure, before the place where a design is worst, and where it is at an axis's edge."""
 
 
 def design_notes(best: BestCase, design: BestDesign, names: Mapping[str, str] = NO_NAMES) -> Iterator[str]:
@@ -282,7 +282,7 @@ def margin_words(best: BestCase, margin: AxisMargin, names: Mapping[str, str] = 
         sides.append(known if distance or found else f"{word} was not run")
     change = "less" if best.better == "large" else "more"
     cliff = f"; the cliff is {margin.cliff} it" if margin.cliff else ""
-    bound = f"; it is the {margin.bound} value of the axis" if margin.bound else ""
+    bound = f"; it is the {margin.bound} {OF_AXIS}" if margin.bound else ""
     change += " or a limit passed" if best.limits else ""
     axis = names.get(margin.axis, margin.axis)
     return f"{axis} for {100.0 * MORE:g} % {change}{apart_words(best)}: {', '.join(sides)}{cliff}{bound}"

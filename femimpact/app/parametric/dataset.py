@@ -35,6 +35,7 @@ from femimpact.app.results.result_directory import (
     STUDY_MANIFEST,
     result_files,
 )
+from femimpact.app.study.findings import place_words
 from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text
 from femimpact.arrays import Array, Integers
@@ -203,13 +204,14 @@ def _axis(study: ParameterStudy, axis: int) -> Iterator[tuple[str, list[Any]]]:
 def _variables(study: ParameterStudy) -> Iterator[tuple[str, dict[str, str]]]:
     """Variables with their attributes: measures with their statistics over the starts, and what is about the cases."""
     for item in study.chosen:
+        observed = item.long_name.replace("the observed place", place_words(str(study.observed)))
         for end in endings_of(study.starts):
             # of words only how many there are
             if item.is_text and end not in ("", "_groups"):
                 continue
             of_starts = STATISTICS.get(end, "of most starts" if item.is_text else "median over the starts")
             unit = "1" if end == "_groups" else item.unit
-            words = f"{item.long_name}, {of_starts}" if study.starts > 1 else item.long_name
+            words = f"{observed}, {of_starts}" if study.starts > 1 else observed
             better = {} if end or not item.better else {"better": item.better}
             yield f"{item.name}{end}", {"long_name": words} | ({"units": unit} if unit else {}) | better
     yield "periodic_starts", {"long_name": "starts from which the motion repeats, or has no impacts", "units": "1"}
@@ -221,7 +223,9 @@ def _variables(study: ParameterStudy) -> Iterator[tuple[str, dict[str, str]]]:
 def _drive(study: ParameterStudy) -> str:
     """What drives every case, with the numbers that no axis gives."""
     if isinstance(study.study, Study) and not study.has_cycle:
-        return ", with ".join(drive_words(study.study.excitation))
+        axes = [place.path for place in study.places if place.owner in ("base", "force")]
+        of_axes = [f"but {path_words(path)} as its axis has it" for path in axes]
+        return "; ".join([", with ".join(drive_words(study.study.excitation)), *of_axes])
     varied = {place.field for place in study.places if place.owner == "base"}
     units = {"amplitude": "m", "acceleration": "m/s^2", "frequency": "Hz"}
     fixed = [

@@ -132,6 +132,8 @@ def _answer_of_sweep(findings: Findings, empty: CurveSummary, ball: CurveSummary
     ratio = median.get("amplitude_ratio", empty.peak_amplitude / peak)
     verb, factor = _change(findings.carried, ratio)
     least = "at least " if empty.resolved is False else ""
+    if least and factor != SAME:
+        factor = f"{least if ratio >= 1.0 else 'at most '}{factor}"
     return (
         f"The {findings.carried} {verb} the largest motion of {findings.observed} from {least}"
         f"{quantity_text(empty.peak_amplitude, 'm', 3)} at {number_text(empty.peak_frequency, 3)} Hz to "
@@ -389,7 +391,9 @@ def _history(findings: Findings) -> Iterator[Conclusion]:
     without = findings.history_without
     if without is not None:
         label, rms = f"{PEAK}{findings.observed} without {findings.carried}", history_words(None, without.rms, "m")
-        yield number_conclusion(label, without.peak, "m", note=over, details=(f"rms {rms} {over}",))
+        note, details = over + _settling(without), (f"rms {rms} {without.window_of_peaks}",)
+        sample = without.peak_is_one_start
+        yield number_conclusion(label, without.peak, "m", one_sample=sample, note=note, details=details)
 
 
 def _stresses(findings: Findings, limits: Mapping[str, float]) -> Iterator[Conclusion]:
@@ -540,6 +544,9 @@ MOST_NAMES = 20
 MOST_MEASURES = 8
 """Measures that have conclusions."""
 
+OF_MOTION = ("peak", "rms", "peak_ratio")
+"""Measures of the motion at the observed place."""
+
 NO_BEST_CASES: Mapping[str, BestCase] = {}
 NO_REASONS: Mapping[str, str] = {}
 
@@ -549,7 +556,7 @@ def study_lead(data: xarray.Dataset) -> list[str]:
     sizes, starts = tuple(data["finished"].sizes.values()), int(data.attrs["starts"])
     shape = f" ({' x '.join(map(str, sizes))})" if len(sizes) > 1 else ""
     each = f"{starts} starts each" if starts > 1 else "one start each"
-    run = "a case is a run of the whole history of the base"
+    run = "a case is a run of the whole history, all of which is measured"
     if "cycles" in data.attrs:
         cycles, measured = (int(data.attrs[name]) for name in ("cycles", "measured_cycles"))
         run = f"{cycles} cycles of the base, of which the last {measured} are measured"
@@ -644,6 +651,8 @@ def _of_case(
         low, high = (_text(data[f"{measure}{end}"].to_numpy()[at], attributes) for end in ("_low", "_high"))
         scatter = f"{low} to {high} over {starts} starts"
     sample = bool(single_samples(data)[at]) and not scatter
+    # that of `femimpact run` is of the last third
+    note += "; of the whole history, its start included" * (measure in OF_MOTION and "cycles" not in data.attrs)
     number = typeset_number(factor * value, zeros=True)
     return Conclusion(label, number, unit_words(value, unit), scatter, sample, note, details)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from femimpact.app.parametric.best_design import (
     LIMIT,
+    OF_AXIS,
     WORST_AT,
     BestCase,
     limited_words,
@@ -65,7 +66,7 @@ from femimpact.app.study.prepared import in_study_words
 from femimpact.app.study.study import Study, build_systems
 from femimpact.errors import require, require_path
 from femimpact.excitation.drives import drive_words
-from femimpact.excitation.excitation import words_of
+from femimpact.excitation.excitation import is_force, words_of
 from femimpact.excitation.harmonic import Sine, SteppedSine
 from femimpact.figures.study_labels import axis_names, axis_words, in_shown_units
 from femimpact.orbits.figures import kind_words
@@ -198,7 +199,7 @@ ON_SHEET = ("best", "response", "orbits", "convergence", "study", "motion")
 LEFT_OFF_SHEET = ("Energy unaccounted for",)
 """Conclusions that check the computation."""
 
-KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$"), (": fit: no interval: ", ": half-power: ")
+KEPT, CHECKS = re.compile(rf", {LIMIT} |, steady$|{OF_AXIS}$"), (": fit: no interval: ", ": half-power: ")
 """What details have in them that a sheet keeps, and warnings of an interval or of a second estimate, which has none."""
 
 
@@ -326,26 +327,31 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
     """The largest steady peak without balls, in a sentence, and over that of the best case; None where not known."""
     data, study, design = results.parameter_study, results.study, case.designs[0]
     axes = set() if data is None else set(axis_names(data))
-    of_balls = all(axis == FREQUENCY or axis.startswith(("impactor.", "start.")) for axis in axes)
+    of_drive = [axis for axis in axes if FREQUENCY.fullmatch(axis)]
+    of_balls = all(axis in of_drive or axis.startswith(("impactor.", "start.")) for axis in axes)
     if data is None or study is None or case.measure != "peak" or not of_balls:
         return None
-    sine, system, place = study.excitation, build_systems(study)[1], data.attrs["place"]
-    bare = without_impactors(system)
+    drive: Any = study.excitation
+    system, place = build_systems(study)[1], data.attrs["place"]
+    # of a force its history, read as newtons
+    bare, sine = without_impactors(system), getattr(drive, "history", drive)
     if not system.balls or bare.contacts or not isinstance(sine, Sine):
         return None
-    f = np.unique(data[FREQUENCY].to_numpy()) if FREQUENCY in axes else np.array([sine.frequency])
+    f = np.unique(data[of_drive[0]].to_numpy()) if of_drive else np.array([sine.frequency])
     # a grid may step over a resonance, of which the motion without balls has a closed form
     natural = solve_modes(bare, bare.dofs).natural_frequency
     f = np.union1d(f, natural[(natural > f[0]) & (natural < f[-1])])
-    steady = transfer_function(bare, f, to=(place,), of="base.displacement")
-    peaks = sine.amplitude * np.abs(steady[place])
+    of = "base.displacement" if sine.by == "amplitude" else "base.acceleration"
+    at: dict[str, Any] = {"force_at": drive.at} if is_force(drive) else {"of": of}
+    peaks = sine.level * np.abs(transfer_function(bare, f, to=(place,), **at)[place])
     largest, value = int(np.argmax(peaks)), float(data["peak"].to_numpy().flat[design.case])
     over = f"from {f[0]:.4g} to {f[-1]:.4g} Hz" if f.size > 1 else "there"
     without = f"Without {results.findings.carried} the largest steady peak {over} is {unit_text(peaks[largest], 'm')}"
     return f"{without}, at {f[largest]:.4g} Hz.", peaks[largest] / value
 
 
-FREQUENCY = "base.frequency"
+FREQUENCY = re.compile(r"base\.frequency|force\..+\.frequency")
+"""Axes of the frequency of a single drive."""
 
 
 def _file_name(results: ResultReading, findings: Findings) -> str:
@@ -531,19 +537,21 @@ def _motion(results: ResultReading) -> Beside:
 
 
 def _boxes(results: ResultReading) -> Beside:
-    """Sizes of balls of a known material and of their boxes, and the pressure on a bare wall at the fastest impact."""
+    """Sizes of balls of a known material, their boxes and the beam there, and the pressure at the fastest impact."""
     study, of_design = results.best_design or (results.study, "by the gaps of the study file")
     balls = [one for one in study.structure.impactors if one.material] if study else []
     impacts = results.table(FILES["impacts"].name) if balls else None
-    rows = []
+    rows, system = [], drawn_system(study.structure, results.findings.points) if study and balls else None
     for ball in balls:
         speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
         speed = max(speeds, default=math.nan)
         force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
         sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
-        rows.append((ball.name, ball.material, ball.wall, *sizes, float(speed), force, 1e-6 * pressure))
+        at = math.nan if study is None or system is None else system.position_of(study.structure.place_of(ball.at))
+        high = math.nan if study is None else 1e3 * study.structure.beam.drawn_at(at)[1]
+        rows.append((ball.name, ball.material, ball.wall, *sizes, high, float(speed), force, 1e-6 * pressure))
     # without impacts, or without a wall, a column has nothing
-    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)"
+    names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)", "height of the beam there (mm)"
     of_impact = "fastest impact (m/s)", "force on a bare wall (N)", "Hertz pressure (MPa)"
     header = ("ball", "material", "wall", *names, *of_impact)
     filled = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
@@ -614,9 +622,9 @@ def _orbits(results: ResultReading) -> Beside:
     if followed is None:
         return []
     parameter = followed.branches[0].parameter
-    more = ": one mode more moves windows that are some 0.01 Hz wide" if parameter == "base.frequency" else ""
+    more = "bifurcations move with each further mode, so follow the branches again with one mode more"
     return [
-        f"On {counted(followed.modes, 'mode')}{more}. At stable orbits every small disturbance decays.",
+        f"On {counted(followed.modes, 'mode')}: {more}. At stable orbits every small disturbance decays.",
         f"'femimpact orbits {FILES['study'].name}' in the folder of this page follows the branches again.",
         branch_table(followed, FILES["branch_table"].name),
         *_of_file(results, "bifurcations", partial(_bifurcation_table, parameter)),
@@ -628,6 +636,9 @@ def _bifurcation_table(parameter: str, columns: Mapping[str, Any], units: Mappin
         return None
     kinds = [kind_words(str(kind)) for kind in columns["kind"]]
     whole = {**columns, "branch": np.asarray(columns["branch"]).astype(int), "kind": kinds}
+    # at an impact without speed it is infinite
+    no_number = np.isin(columns["kind"], ("grazing", "sticking"))
+    whole["largest_multiplier"] = np.where(no_number, math.nan, columns["largest_multiplier"])
     return table_of("Bifurcations", *in_shown_units(whole, units), file, digits={parameter: PARAMETER_DIGITS})
 
 

@@ -29,6 +29,7 @@ from femimpact.app.report.result_conclusions import (
     answer_of,
     answer_of_runs,
     best_of,
+    convergence_conclusions,
     factor_words,
     number_conclusion,
     result_conclusions,
@@ -70,12 +71,13 @@ from femimpact.response.response import Response
 from femimpact.scene.placed import drawn_system, placed_structure
 from femimpact.signals.decay import DecayEstimate
 from femimpact.signals.densities import Spectrum
+from femimpact.signals.one_pole import DampingEstimate
 from femimpact.signals.shock_response import ShockResponseSpectrum
 from femimpact.signals.transfer import TransferFunction
 from femimpact.structure.structure import Structure
 from femimpact.sweep.curve import FrequencyResponse
 from femimpact.table import column_units
-from femimpact.units import number_text, quantity_text, typeset_number, unit_text
+from femimpact.units import interval_texts, number_text, quantity_text, typeset_number, unit_text
 
 MOST_PLAYERS = 3
 """Responses of a page that have a player."""
@@ -92,8 +94,8 @@ RECORDS = (
 
 ALLOWED = (
     "must be a Response, the StudyResults of fi.load, a FrequencyResponse or a mapping of names to them, a "
-    "ConvergenceTable, a ConvergenceStudy, a "
-    "DecayEstimate, an orbit or a branch, a Calibration, a Preflight, a spectrum or a transfer function, an "
+    "ConvergenceTable, a ConvergenceStudy, a DecayEstimate, a DampingEstimate, "
+    "an orbit or a branch, a Calibration, a Preflight, a spectrum or a transfer function, an "
     "xarray.Dataset, a pandas.DataFrame, a figure of matplotlib, a record with to_pandas, or a mapping of names to "
     "columns of one length"
 )
@@ -121,10 +123,11 @@ def report(
     path : str or Path
     parts : mapping of str to result
         Each under its heading: a `Response`, what `load` returns of a run, a `FrequencyResponse` or a mapping of names
-        to several, a `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, a `PeriodicOrbit`, a `Branch`, a
-        `Calibration`, a `Preflight`, a spectrum or a `TransferFunction`, a figure or axes of matplotlib, the dataset of
-        `parameter_study` (what is best, maps and cases), another `xarray.Dataset` (quantities over two axes become
-        maps), a `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names to columns.
+        to several, a `ConvergenceTable`, a `ConvergenceStudy`, a `DecayEstimate`, a `DampingEstimate`, a
+        `PeriodicOrbit`, a `Branch`, a `Calibration`, a `Preflight`, a spectrum or a `TransferFunction`, a figure or
+        axes of matplotlib, the dataset of `parameter_study` (what is best, maps and cases), another `xarray.Dataset`
+        (quantities over two axes become maps), a `pandas.DataFrame`, any record with `to_pandas`, or a mapping of names
+        to columns.
     structure : Structure, optional
         Is drawn, and gives the player of a response with snapshots its beam.
     title : str
@@ -169,10 +172,22 @@ def report(
         for heading, part in parts.items()
         for name, curve in _curves(heading, part).items()
     }
-    speaking = {**responses, **curves, **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate)}}
+    speaking: dict[str, Any] = {
+        **responses,
+        **curves,
+        **{h: part for h, part in parts.items() if isinstance(part, DecayEstimate | DampingEstimate)},
+    }
     read = {heading: part for heading, part in parts.items() if isinstance(part, ResultReading)}
     speaking |= {heading: part.findings for heading, part in read.items()}
+    tables = {
+        heading if table is part else f"{heading}, {table.axis}": table
+        for heading, part in parts.items()
+        for table in (part.tables.values() if isinstance(part, ConvergenceStudy) else [part])
+        if isinstance(table, ConvergenceTable)
+    }
+    needed = tuple(one for heading, table in tables.items() for one in _of_convergence(heading, table))
     conclusions = (
+        *(one for heading, part in parts.items() for one in _of_damping(heading, part)),
         *(one for heading, part in studies.items() for one in study_conclusions(part, *best[heading])),
         *_of_curves(curves),
         *_of_responses(responses),
@@ -183,23 +198,29 @@ def report(
             for one in result_conclusions(part, best_of(part))
         ),
     )
+    accuracy = next((table.accuracy for table in tables.values()), None)
     page = Page(
         title=title,
-        answer=_compared(curves) or _answer_of(responses) or answer_of(Findings(), conclusions),
+        answer=_compared(curves)
+        or _answer_of(responses)
+        or answer_of(Findings(accuracy=accuracy), conclusions or needed),
         foot=" · ".join((f"femimpact {__version__}", *map(_computed_by, studies.values()))),
-        lead=tuple(
-            text
-            for heading, part in studies.items()
-            for text in (*study_lead(part), *worst_words(part, next(iter(best[heading][0].values()), None)))
+        lead=(
+            *dict.fromkeys(f"{table.problem}." for table in tables.values() if table.problem),
+            *(
+                text
+                for heading, part in studies.items()
+                for text in (*study_lead(part), *worst_words(part, next(iter(best[heading][0].values()), None)))
+            ),
         ),
         drawing=_drawing(structure, responses),
-        conclusions=conclusions,
+        conclusions=(*conclusions, *needed),
         missing=(
             *_of_studies(studies, study_missing),
             *(f"{heading}: {text}" for heading, part in read.items() for text in part.missing),
         ),
         warnings=(*_said("warnings", speaking), *_of_studies(studies, study_failures)),
-        notes=(*notes, *_said("notes", speaking)),
+        notes=(*notes, *_said("notes", speaking | tables)),
         sections=tuple(sections),
         first=tuple(
             one
@@ -235,7 +256,7 @@ def _curves(heading: str, part: Any) -> dict[str, FrequencyResponse]:
 
 
 def _said(kind: str, found: Mapping[str, Any]) -> tuple[str, ...]:
-    texts = [f"{heading}: {said}" for heading, part in found.items() for said in getattr(part, kind)]
+    texts = [f"{heading}: {said}" for heading, part in found.items() for said in getattr(part, kind, ())]
     return tuple(dict.fromkeys(texts))
 
 
@@ -269,18 +290,42 @@ def _of_responses(responses: Mapping[str, Response]) -> list[Conclusion]:
     found = []
     for heading, one in responses.items():
         count, peak, kind = len(one.impacts) + one.impacts.dropped, peak_of_history(one), kind_of_peak(one)
-        if count:
-            found.append(Conclusion(f"Motion, {heading}", one.regime.label, note=f"{count} impacts"))
         if math.isfinite(peak):
             over = "over the last third of the cycles" if has_cycle(one.base) else "of the whole run"
             note = f"{over}; {TRANSIENT}" if kind["peak_is_transient"] else over
             found.append(
                 number_conclusion(f"Peak, {heading}", peak, "m", one_sample=kind["peak_is_one_start"], note=note)
             )
+        if count:
+            found.append(Conclusion(f"Motion, {heading}", one.regime.label, note=f"{count} impacts"))
         if one.energy is not None:
             residual = typeset_number(100 * float(one.energy.residual), 2)
             found.append(Conclusion(f"Energy unaccounted for, {heading}", residual, "%", note="of the energy put in"))
     return found
+
+
+def _of_damping(heading: str, part: Any) -> Iterator[Conclusion]:
+    """Damping ratios of an estimate; of another part nothing."""
+    level, estimates = 95, list[tuple[float, float, tuple[float, float]]]()
+    if isinstance(part, DecayEstimate):
+        level = round(100 * part.level)
+        estimates = [(one.damping_ratio, one.frequency, one.damping_ratio_interval) for one in part.modes]
+    elif isinstance(part, DampingEstimate):
+        estimates = [(part.ratio, part.frequency, part.interval)]
+    for ratio, frequency, ends in estimates:
+        if math.isfinite(ratio):
+            value, low, high = interval_texts(*(100.0 * one for one in (ratio, *ends)))
+            words = f"{level} % interval {low} to {high} %" if all(map(math.isfinite, ends)) else ""
+            note = f"at {typeset_number(frequency)} Hz"
+            yield Conclusion(
+                f"Damping ratio, {heading}", value if words else number_text(100.0 * ratio), "%", words, note=note
+            )
+
+
+def _of_convergence(heading: str, table: ConvergenceTable) -> Iterator[Conclusion]:
+    """What an accuracy takes, by a table of convergence."""
+    columns = {**table.summary()[0], "axis": np.full(table.name.size, table.axis)}
+    yield from (replace(one, note=f"{one.note}; {heading}") for one in convergence_conclusions(columns, table.accuracy))
 
 
 def _of_record(heading: str, part: Any) -> Iterator[Conclusion]:
@@ -374,6 +419,8 @@ def _shown(heading: str, part: Any, key: str) -> tuple[list[Any], list[tuple[str
         return tables, [("convergence", table_element(summary_table(*table.summary()))) for table in tables]
     if isinstance(part, RECORDS):
         return [part], []
+    if isinstance(part, DampingEstimate):
+        return [], [("decay", element("p", str(part)))]
     if any(kind.__module__.startswith("matplotlib.") for kind in type(part).__mro__):
         return [], [("study", picture_element(part, f"{key}-figure", heading))]
     if hasattr(part, "data_vars") and hasattr(part, "dims"):

@@ -239,7 +239,7 @@ class Findings:
     sweep: Mapping[str, CurveSummary] = field(default_factory=dict)
     amplitude_ratio: float | None = None
     history: HistorySummary | None = None
-    history_without: HistorySummary | None = None  # of what the structure carries, where the drive has no cycle
+    history_without: HistorySummary | None = None  # of what the structure carries, but on a sine of the base
     energy_residual: float | None = None
     work: float | None = None  # J
     work_of: Mapping[str, float] = field(default_factory=dict)

@@ -38,6 +38,7 @@ from femimpact.fem.assembly import unusual_words
 from femimpact.integrators.methods import Method
 from femimpact.response.cycles import UNRESOLVED, PeakResolution, peak_resolution
 from femimpact.response.impacts import observed_restitution
+from femimpact.response.regimes import FREE_DECAY
 from femimpact.response.response import Response
 from femimpact.signals.one_pole import DampingEstimate, amplitude_ratio_damping, fit_one_pole, half_power
 from femimpact.signals.transfer import transfer_function
@@ -315,10 +316,14 @@ def rms_of_history(response: Response) -> float:
 def kind_of_peak(response: Response) -> dict[str, bool]:
     """Whether the peak of a motion that does not repeat is one start's value, or holds a transient of the start.
 
-    With impacts in the last third it is the former; without them, where the drive repeats, the latter.
+    With impacts in the last third it is the former; without them, where the drive repeats, the latter. Of a driven run
+    without a cycle it is the former once a ball has struck.
     """
     motion = response.steady
-    irregular = bool(has_cycle(response.base) and motion.steadiness[0] != "periodic" and math.isfinite(motion.peak[0]))
+    if not has_cycle(response.base):
+        struck = len(response.impacts) + response.impacts.dropped > 0 and bool(response.system.balls)
+        return {"peak_is_one_start": struck and response.regime.label != FREE_DECAY, "peak_is_transient": False}
+    irregular = bool(motion.steadiness[0] != "periodic" and math.isfinite(motion.peak[0]))
     struck = response.statistics.count > 0
     repeats = math.isfinite(response.base.phase)
     return {"peak_is_one_start": irregular and struck, "peak_is_transient": irregular and repeats and not struck}

@@ -108,8 +108,9 @@ def _is_filmed_apart(prepared: PreparedStudy) -> bool:
 
 
 def _is_compared(prepared: PreparedStudy) -> bool:
-    """Whether the history is run without what the structure carries too: with a cycle a sweep does that."""
-    return not has_cycle(prepared.study.excitation) and len(prepared.bare.contacts) < len(prepared.small.contacts)
+    """Whether the history is run without what the structure carries too: on a sine of the base a sweep does that."""
+    of_sweep = isinstance(prepared.study.excitation, Sine)
+    return not of_sweep and len(prepared.bare.contacts) < len(prepared.small.contacts)
 
 
 def runs_of_history(prepared: PreparedStudy) -> int:
