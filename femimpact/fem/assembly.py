@@ -12,12 +12,14 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 from skfem import BilinearForm
-from skfem.helpers import dd, ddot
+from skfem.helpers import dd, ddot, dot, grad
 
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
+from femimpact.fem.axial import normal_force, standing_factor, turned_bodies, weight_words
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
+from femimpact.structure.axial import Axial
 from femimpact.structure.structure import (
     SUPPORTS,
     Absorber,
@@ -52,6 +54,12 @@ def bending(u: Any, v: Any, w: Any) -> Any:
 def inertia(u: Any, v: Any, w: Any) -> Any:
     """Integral of rho A u v."""
     return w.mass_per_length * u * v
+
+
+@BilinearForm  # type: ignore[untyped-decorator]
+def tilting(u: Any, v: Any, w: Any) -> Any:
+    """Integral of N u' v'."""
+    return w.normal_force * dot(grad(u), grad(v))
 
 
 class Entries(NamedTuple):
@@ -97,7 +105,7 @@ def beam_matrices(grid: Discretisation) -> tuple[Entries, Entries]:
 
 def _weighted(form: Any, name: str, basis: Any, coefficients: Array) -> Entries:
     """A form whose coefficient is a polynomial in every element: (powers, elements), by powers of x = 2 s - 1."""
-    powers = [power for power, coefficient in enumerate(coefficients) if coefficient.any()]
+    powers = [power for power, coefficient in enumerate(coefficients) if coefficient.any()] or [0]
     parts = [_integrals(form, name, basis, power) for power in powers]
     row, column, _ = parts[0]
     value = sum(coefficients[power] * part.value for power, part in zip(powers, parts, strict=True))
@@ -195,7 +203,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         Of numbers that may be in another unit: a beam of more than a tonne or less slender than 5, a first mode
         outside 0.01 Hz to 100 kHz, a modulus outside 1e8 to 2e12 Pa, a density outside 10 to 30,000 kg/m^3, a width or
         a gap beyond the beam's length, a ball heavier than beam and bodies, a body of more than 1000 beams. Of a mesh
-        of several regions under a beam of one segment.
+        of several regions under a beam of one segment. Of the balls' weight along the beam, which is left out, with
+        the difference of the first frequency.
 
     Notes
     -----
@@ -203,7 +212,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
     shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
     that frequencies keep order 4 in the element length (Strang and Fix, 1973); `femimpact.validation.beams` has the
-    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
+    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity. A load
+    along the beam adds to K what `Axial` says.
     """
     return assembled_with_modes(structure, elements, mesh, 1)[0]
 
@@ -217,7 +227,7 @@ def assembled_with_modes(
     damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
     complete = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
-    for words in unusual_words(structure, first_elastic_frequency(complete)):
+    for words in unusual_words(structure, complete):
         warnings.warn(words, InputWarning, stacklevel=3)
     return _with_dashpots(complete, grid), modes
 
@@ -234,13 +244,17 @@ def _undamped(grid: Discretisation) -> System:
         factor = sparse.vstack([factor, pulls], format="csr")
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
+    factor = factor[:, free]
+    if grid.structure.axial is not None:
+        added = _axial_stiffness(grid, grid.structure.axial, M)
+        K, factor = joined(K, added), standing_factor(grid.structure.axial, factor, added.on(free, grid.dofs))
     momentum = M.times(rigid)
     load = own(grid.structure.gravity * momentum[free])
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
-        stiffness_factor=factor[:, free],
+        stiffness_factor=factor,
         base_load=own(momentum[free]),
         rigid_translation=own(rigid[free]),
         nodes=grid.mesh.nodes,
@@ -255,6 +269,14 @@ def _undamped(grid: Discretisation) -> System:
     )
 
 
+def _axial_stiffness(grid: Discretisation, load: Axial, M: Entries) -> Entries:
+    """What a load along the beam adds to K, over all dofs."""
+    bodies = turned_bodies(grid, load).tocoo()
+    beam = _weighted(tilting, "normal_force", grid.basis, normal_force(grid, load))
+    added = joined(beam, Entries(bodies.coords[0], bodies.coords[1], bodies.data))
+    return joined(added, M._replace(value=-(load.spin**2) * M.value)) if load.spin_plane == "lag" else added
+
+
 def _expansion(grid: Discretisation) -> Matrix:
     """Matrix from the free dofs to all, (dofs, free dofs)."""
     count = grid.free.size
@@ -264,17 +286,17 @@ def _expansion(grid: Discretisation) -> Matrix:
 
 def unusual_words(
     structure: Structure,
-    first_frequency: float,  # Hz: of its first elastic mode
+    system: System,  # assembled of it
 ) -> list[str]:
-    """Words on the numbers of a structure that are so unusual that another unit may have been meant."""
-    beam = structure.beam
+    """Words on numbers of a structure that may be meant in another unit, and on a weight that is left out."""
+    beam, first_frequency = structure.beam, first_elastic_frequency(system)
     low, high = USUAL_FREQUENCY
     notes = []
     if beam.mass > HEAVY:
         notes.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
     if not low <= first_frequency <= high:
         notes.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    return [*notes, *map(str, unusual_numbers(structure))]
+    return [*notes, *map(str, unusual_numbers(structure)), *weight_words(structure, system)]
 
 
 def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:

@@ -14,7 +14,7 @@ from femimpact.arrays import own
 from femimpact.errors import Fault, InputError, require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, check_damping, checked_matrix, checked_row
+from femimpact.system.matrices import Matrix, banded_factor, check_damping, checked_matrix, checked_row, factor_of_sum
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.system import System, with_checked_fields
 
@@ -149,10 +149,7 @@ def _stiffness_factor(system: System, added: Matrix, K: Matrix) -> Matrix:
     """G of the sum: that of the structure above that of the added stiffness, or Cholesky's of the sum."""
     if added.nnz == 0:
         return system.stiffness_factor
-    factor = banded_factor(added, semidefinite=True)
-    if factor is not None:
-        return sparse.csr_array(sparse.vstack([system.stiffness_factor, factor], format="csr"))
-    of_sum = banded_factor(K)
+    of_sum = factor_of_sum(system.stiffness_factor, added, K)
     if of_sum is None:
         allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
         raise InputError([Fault("stiffness", None, "", allowed)])

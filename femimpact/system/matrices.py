@@ -257,6 +257,17 @@ def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:
     return sparse.csr_array((values, (rows, rows + offsets)), shape=(size, size))
 
 
+def factor_of_sum(factor: Matrix, added: Matrix, total: Matrix) -> Matrix | None:
+    """G of K = G_0^T G_0 + added, by G_0 and K: both factors stacked, or Cholesky's of K where `added` is indefinite.
+
+    None where K is then not positive definite.
+    """
+    of_added = banded_factor(added, semidefinite=True)
+    if of_added is None:
+        return banded_factor(total)
+    return sparse.csr_array(sparse.vstack([factor, of_added], format="csr"))
+
+
 def check_semidefinite(name: str, matrix: Matrix) -> None:
     """Raise `InputError` unless a symmetric sparse matrix is positive semidefinite, to 1e-9 of its largest entry."""
     if matrix.nnz == 0 or float(abs(matrix).max()) == 0.0:
