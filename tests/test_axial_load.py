@@ -177,11 +177,11 @@ def test_a_column_stands_up_to_its_critical_weight_and_is_refused_beyond():
         return fi.Structure(BEAM, axial=fi.Axial(acceleration=-share * critical * EI / LENGTH**3 / MASS))
 
     assert 0.0 < fi.assemble(column(0.999), 40).first_frequency < 0.05 * fi.assemble(column(0.0), 40).first_frequency
-    with pytest.raises(fi.InputError, match=r"^axial = .*must be at most 0\.99\d+ of this load.* buckles$") as refused:
+    with pytest.raises(fi.InputError, match=r"^axial: .* the structure has buckled, at 0\.99\d+ of it$") as refused:
         fi.assemble(column(1.001), 40)
     assert len(refused.value.faults) == 1
     # as much of twice the load
-    with pytest.raises(fi.InputError, match=r"at most (0\.5|0\.49999)\d* of this load"):
+    with pytest.raises(fi.InputError, match=r"at 0\.5000\d of it$"):
         fi.assemble(column(2.0), 40)
 
 

@@ -16,7 +16,7 @@ from skfem.helpers import dd, ddot, dot, grad
 
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
-from femimpact.fem.axial import normal_force, standing_factor, turned_bodies, weight_words
+from femimpact.fem.axial import axial_forces, weight_words
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.axial import Axial
@@ -33,7 +33,7 @@ from femimpact.structure.structure import (
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix
+from femimpact.system.matrices import Matrix, factor_of_sum
 from femimpact.system.modes import (
     Modes,
     damped_with_modes,
@@ -247,7 +247,8 @@ def _undamped(grid: Discretisation) -> System:
     factor = factor[:, free]
     if grid.structure.axial is not None:
         added = _axial_stiffness(grid, grid.structure.axial, M)
-        K, factor = joined(K, added), standing_factor(grid.structure.axial, factor, added.on(free, grid.dofs))
+        K = joined(K, added)
+        factor = factor_of_sum("axial", factor, added.on(free, grid.dofs), K.on(free, grid.dofs))
     momentum = M.times(rigid)
     load = own(grid.structure.gravity * momentum[free])
     return computed_system(
@@ -271,10 +272,12 @@ def _undamped(grid: Discretisation) -> System:
 
 def _axial_stiffness(grid: Discretisation, load: Axial, M: Entries) -> Entries:
     """What a load along the beam adds to K, over all dofs."""
-    bodies = turned_bodies(grid, load).tocoo()
-    beam = _weighted(tilting, "normal_force", grid.basis, normal_force(grid, load))
-    added = joined(beam, Entries(bodies.coords[0], bodies.coords[1], bodies.data))
-    return joined(added, M._replace(value=-(load.spin**2) * M.value)) if load.spin_plane == "lag" else added
+    force, moments = axial_forces(grid, load)
+    # about its centre a body feels no spin
+    lag = load.spin**2 if load.spin_plane == "lag" else 0.0
+    moments += lag * np.array([body.rotary_inertia for body in grid.structure.masses])
+    beam, bodies = _weighted(tilting, "normal_force", grid.basis, force), _lumped_mass(grid, moments)
+    return joined(beam, bodies, M._replace(value=-lag * M.value))
 
 
 def _expansion(grid: Discretisation) -> Matrix:
@@ -380,13 +383,18 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     return forces
 
 
-def _lumped_mass(grid: Discretisation) -> Entries:
-    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
+def _lumped_mass(grid: Discretisation, moments: Array | None = None) -> Entries:
+    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs.
+
+    With moments (N m), one for each body, that moment times N' N'^T.
+    """
     bodies = grid.structure.masses
     places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
     shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
     numbers = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
     mass, inertia, offset = np.array(numbers).reshape(-1, 3).T[:, :, None]
+    if moments is not None:
+        mass, inertia = 0.0 * mass, moments[:, None]
     # four dofs of each body, those of the element that holds it
     dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)
     centre = shape.data.reshape(-1, 4) + offset * turn

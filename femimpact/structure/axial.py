@@ -32,14 +32,6 @@ class Axial:
     spin_plane : {"flap", "lag"}
         Whether the deflection is along the axis of rotation or in the plane of rotation. In that plane the base's
         acceleration is the axis's, along the deflection.
-
-    Examples
-    --------
-    >>> import femimpact as fi
-    >>> beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
-    >>> hanging = fi.Structure(beam, axial=fi.Axial(acceleration=9.81))
-    >>> fi.assemble(hanging, elements=20).first_frequency > fi.assemble(fi.Structure(beam), 20).first_frequency
-    True
     """
 
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
