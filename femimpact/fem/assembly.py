@@ -203,8 +203,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         Of numbers that may be in another unit: a beam of more than a tonne or less slender than 5, a first mode
         outside 0.01 Hz to 100 kHz, a modulus outside 1e8 to 2e12 Pa, a density outside 10 to 30,000 kg/m^3, a width or
         a gap beyond the beam's length, a ball heavier than beam and bodies, a body of more than 1000 beams. Of a mesh
-        of several regions under a beam of one segment. Of the balls' weight along the beam, which is left out, with
-        the difference of the first frequency.
+        of several regions under a beam of one segment. Of the balls' weight along the beam (`Axial`).
 
     Notes
     -----
@@ -234,8 +233,9 @@ def assembled_with_modes(
 
 def _undamped(grid: Discretisation) -> System:
     """The system without damping and contacts, before its first frequency is known."""
-    K, M = beam_matrices(grid)
-    M, factor, springs = joined(M, _lumped_mass(grid)), stiffness_factor(grid), grid.structure.springs
+    K, beam_mass = beam_matrices(grid)
+    numbers = [(body.mass, body.rotary_inertia, body.offset) for body in grid.structure.masses]
+    M, factor, springs = joined(beam_mass, _on_bodies(grid, numbers)), stiffness_factor(grid), grid.structure.springs
     if springs:
         rows = _connection_rows(grid, springs, "spring")
         pulls = sparse.diags_array(np.sqrt([spring.stiffness for spring in springs])) @ rows
@@ -246,7 +246,7 @@ def _undamped(grid: Discretisation) -> System:
     rigid[0::2] = 1.0
     factor = factor[:, free]
     if grid.structure.axial is not None:
-        added = _axial_stiffness(grid, grid.structure.axial, M)
+        added = _axial_stiffness(grid, grid.structure.axial, beam_mass)
         K = joined(K, added)
         factor = factor_of_sum("axial", factor, added.on(free, grid.dofs), K.on(free, grid.dofs))
     momentum = M.times(rigid)
@@ -270,14 +270,12 @@ def _undamped(grid: Discretisation) -> System:
     )
 
 
-def _axial_stiffness(grid: Discretisation, load: Axial, M: Entries) -> Entries:
+def _axial_stiffness(grid: Discretisation, load: Axial, beam_mass: Entries) -> Entries:
     """What a load along the beam adds to K, over all dofs."""
-    force, moments = axial_forces(grid, load)
-    # about its centre a body feels no spin
     lag = load.spin**2 if load.spin_plane == "lag" else 0.0
-    moments += lag * np.array([body.rotary_inertia for body in grid.structure.masses])
-    beam, bodies = _weighted(tilting, "normal_force", grid.basis, force), _lumped_mass(grid, moments)
-    return joined(beam, bodies, M._replace(value=-lag * M.value))
+    force, on_bodies = axial_forces(grid, load, lag)
+    beam = _weighted(tilting, "normal_force", grid.basis, force)
+    return joined(beam, _on_bodies(grid, on_bodies), beam_mass._replace(value=-lag * beam_mass.value))
 
 
 def _expansion(grid: Discretisation) -> Matrix:
@@ -287,11 +285,8 @@ def _expansion(grid: Discretisation) -> Matrix:
     return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))
 
 
-def unusual_words(
-    structure: Structure,
-    system: System,  # assembled of it
-) -> list[str]:
-    """Words on numbers of a structure that may be meant in another unit, and on a weight that is left out."""
+def unusual_words(structure: Structure, system: System) -> list[str]:
+    """Words on numbers of an assembled structure that may be meant in another unit, and on a weight left out."""
     beam, first_frequency = structure.beam, first_elastic_frequency(system)
     low, high = USUAL_FREQUENCY
     notes = []
@@ -383,18 +378,12 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     return forces
 
 
-def _lumped_mass(grid: Discretisation, moments: Array | None = None) -> Entries:
-    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs.
-
-    With moments (N m), one for each body, that moment times N' N'^T.
-    """
+def _on_bodies(grid: Discretisation, numbers: Sequence[tuple[float, float, float]]) -> Entries:
+    """Mass m (N + e N')(N + e N')^T + J N' N'^T for every body by its (m, J, e), e from its place, over all dofs."""
     bodies = grid.structure.masses
     places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
     shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
-    numbers = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
     mass, inertia, offset = np.array(numbers).reshape(-1, 3).T[:, :, None]
-    if moments is not None:
-        mass, inertia = 0.0 * mass, moments[:, None]
     # four dofs of each body, those of the element that holds it
     dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)
     centre = shape.data.reshape(-1, 4) + offset * turn

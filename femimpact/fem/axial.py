@@ -21,8 +21,11 @@ MOST_SHIFT = 0.01
 """Share of the first frequency by which the weight of balls along the beam, which is left out, may shift it."""
 
 
-def axial_forces(grid: Discretisation, load: Axial) -> tuple[Array, Array]:
-    """N in every element as a polynomial in x = -1 to 1, (5, elements) in N, and m a(x + e) e of every body, N m."""
+def axial_forces(grid: Discretisation, load: Axial, lag: float) -> tuple[Array, list[tuple[float, float, float]]]:
+    """N in every element as a polynomial in x = -1 to 1, (5, elements) in N, and (-lag m, m a(x + e) e, e) of bodies.
+
+    With lag in 1/s^2. About its centre a body feels no spin, so that its rotary inertia has no share.
+    """
     half, middle = 0.5 * np.diff(grid.mesh.nodes), 0.5 * (grid.mesh.nodes[1:] + grid.mesh.nodes[:-1])
     mass = half * grid.sections.mass_per_length * grid.sections.mass_polynomial
     pull = np.zeros((4, half.size))
@@ -32,30 +35,27 @@ def axial_forces(grid: Discretisation, load: Axial) -> tuple[Array, Array]:
     inner = pull / np.arange(1.0, 5.0)[:, None]
     whole = 2.0 * (inner[0] + inner[2])
     beyond = load.tension + np.cumsum(whole[::-1])[::-1] - whole
-    moments = np.zeros(len(grid.structure.masses))
-    for j, body in enumerate(grid.structure.masses):
+    on_bodies = []
+    for body in grid.structure.masses:
         place = grid.position_of(body.at, f"mass.{body.name}.at")
         force = body.mass * load.acceleration_at(place + body.offset)
         # a body is on a node
         beyond[middle < place] += force
-        moments[j] = force * body.offset
-    return np.concatenate([[beyond + inner.sum(axis=0)], -inner]), moments
+        on_bodies.append((-lag * body.mass, force * body.offset, body.offset))
+    return np.concatenate([[beyond + inner.sum(axis=0)], -inner]), on_bodies
 
 
 def weight_words(structure: Structure, system: System) -> list[str]:
-    """Words on the weight of balls and absorbers along the beam, which is left out: by how much it would shift f1.
-
-    Raises `InputError` where that is more than `MOST_SHIFT`.
-    """
-    if structure.axial is None or not structure.axial.acceleration or not system.balls:
+    """Words on the balls' weight along the beam, which is left out; `InputError` where it shifts f1 by over 1 %."""
+    pull = structure.axial.acceleration if structure.axial is not None else 0.0
+    if not pull or not system.balls:
         return []
-    value, names = structure.axial.acceleration, ", ".join(pair.name for pair in system.balls)
-    shift = weight_shift(system, value)
-    percent = f"{number_text(100.0 * shift, 2)} %"
-    words = f"the weight of {names} along the beam is left out: it would shift the first frequency by up to {percent}"
+    shift, names = weight_shift(system, pull), ", ".join(pair.name for pair in system.balls)
+    by = f"would shift the first frequency by up to {number_text(100.0 * shift, 2)} %"
+    words = f"the weight of {names} along the beam is left out: it {by}"
     allowed = f"must be smaller, or the balls lighter: {words}, and at most {100.0 * MOST_SHIFT:g} % may be"
-    require(shift <= MOST_SHIFT, "axial.acceleration", value, "m/s^2", allowed)
-    return [f"axial.acceleration = {value:g} m/s^2: {words}"]
+    require(shift <= MOST_SHIFT, "axial.acceleration", pull, "m/s^2", allowed)
+    return [f"axial.acceleration = {pull:g} m/s^2: {words}"]
 
 
 def weight_shift(system: System, acceleration: float) -> float:
@@ -71,17 +71,14 @@ def weight_shift(system: System, acceleration: float) -> float:
     turn = (hermite_rows(system.nodes, x.ravel(), derivative=1) @ (system.expansion @ phi)).reshape(x.shape)
     # y - w of every ball, by the mode's coordinate and the balls'
     stretch = np.column_stack([[-(pair.direction @ phi) for pair in balls], np.eye(len(balls))])
-    free, held, tilt = np.zeros((3, len(balls) + 1, len(balls) + 1))
-    free[0, 0] = (2.0 * math.pi * modes.natural_frequency[-1]) ** 2
-    free += stretch.T @ (spring[:, None] * stretch)
+    free = stretch.T @ (spring[:, None] * stretch)
+    free[0, 0] += (2.0 * math.pi * modes.natural_frequency[-1]) ** 2
+    held, tilt = np.zeros((2, *free.shape))
     held[0, 0] = acceleration * mass @ np.trapezoid(turn**2, x)
     tilt[0] = (acceleration * mass * turn[:, -1]) @ stretch
     size = np.sqrt(np.append(1.0, mass))
-
-    def square(stiffness: Array) -> float:
-        """Omega^2 of the motion that has most of the mode."""
-        values, vectors = np.linalg.eigh(stiffness / np.outer(size, size))
-        return max(float(values[np.argmax(np.abs(vectors[0]))]), 0.0)
-
-    loaded = (square(free + held), square(free + held + tilt + tilt.T))
-    return max(abs(math.sqrt(one / square(free)) - 1.0) for one in loaded)
+    loads = np.array([free, free + held, free + held + tilt + tilt.T])
+    values, vectors = np.linalg.eigh(loads / np.outer(size, size))
+    # of the motion that has most of the mode
+    square = [one[most] for one, most in zip(values, np.abs(vectors[:, 0]).argmax(axis=1), strict=True)]
+    return float(np.max(np.abs(np.sqrt(np.maximum(square[1:], 0.0) / square[0]) - 1.0)))

@@ -17,6 +17,7 @@ from femimpact.errors import (
     check_fields,
     checked,
     choice,
+    instance,
     name_text,
     optional,
     place,
@@ -404,7 +405,7 @@ class Structure:
     springs: Sequence[Spring] = ()
     dashpots: Sequence[Dashpot] = ()
     absorbers: Sequence[Absorber] = ()
-    axial: Axial | None = None
+    axial: Axial | None = field(default=None, metadata=optional(instance(Axial)))
 
     def __post_init__(self) -> None:
         kinds = {
@@ -443,7 +444,11 @@ class Structure:
             raise InputError(beyond)
         self._check_supports()
         if self.axial is not None:
-            self._check_axial(self.axial)
+            held = bool(self.supports or self.springs_to_base)
+            require(held, "axial", self.axial, "", "must be None for a beam that nothing holds")
+            still = not self.axial.spin or not (self.impactors or self.absorbers)
+            allowed = "must be 0 beside balls and absorbers: what a spin does to them is left out"
+            require(still, "axial.spin", self.axial.spin, "rad/s", allowed)
 
     @property
     def _head(self) -> Head:
@@ -512,14 +517,6 @@ class Structure:
             "base at one place or more; without any support it is free"
         )
         require(stiff or not self.supports, "supports", ", ".join(kinds) or "none", "", allowed)
-
-    def _check_axial(self, load: Axial) -> None:
-        require_type(load, Axial, "axial")
-        held = bool(self.supports or self.springs_to_base)
-        require(held, "axial", load, "", "must be None for a beam that nothing holds")
-        still = not load.spin or not (self.impactors or self.absorbers)
-        allowed = "must be 0 beside balls and absorbers: what a spin does to them is left out"
-        require(still, "axial.spin", load.spin, "rad/s", allowed)
 
 
 def glue_impactors(structure: Structure) -> Structure:
