@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import runpy
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from femimpact.app.study.study_file import read_study, study_text
 from femimpact.fem.axial import weight_shift
 from femimpact.units import in_si
 
+ROOT = Path(__file__).parents[1]
 LENGTH = 0.3
 BEAM = fi.Beam.uniform(length=LENGTH, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
 EI, MASS = BEAM.segments[0].bending_stiffness, BEAM.segments[0].mass_per_length
@@ -209,7 +211,7 @@ def test_no_load_leaves_every_bit_and_is_not_in_the_key_of_a_study():
     plain, zero = (fi.assemble(replace(structure, axial=load), 12) for load in (None, fi.Axial()))
     assert (plain.K != zero.K).nnz == 0
     assert zero.first_frequency == pytest.approx(plain.first_frequency, rel=1e-13)
-    path = Path(__file__).parents[1] / "femimpact" / "app" / "paper.toml"
+    path = ROOT / "femimpact" / "app" / "paper.toml"
     study = fi.load_study(path)
     keys = [
         plain_study(
@@ -433,3 +435,20 @@ def test_the_mesh_keeps_its_names_where_a_node_is_put():
     assert mesh.with_nodes([0.25]) is mesh
     for a, b in itertools.pairwise(more.nodes):
         assert b > a
+
+
+def test_the_page_on_a_load_along_the_beam(monkeypatch, tmp_path, capsys):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    monkeypatch.chdir(tmp_path)
+    pictures = runpy.run_path(str(ROOT / "docs" / "pictures" / "make_pictures.py"))
+    page = pictures["page_of"]("axial_load")
+    pictures["prepare"](page, tmp_path)
+    with pytest.warns(fi.InputWarning) as warned:
+        pictures["ran"](page)
+    said = [line for block in pictures["blocks"](page, "text") for line in block.splitlines()]
+    # of the four blocks one is the warning
+    assert [str(one.message) for one in warned] == [line for line in said if line.startswith("axial.acceleration")]
+    assert capsys.readouterr().out.splitlines() == [line for line in said if not line.startswith("axial.acceleration")]
+    assert Path("campbell.png").stat().st_size > 10_000
+    pyplot.close("all")
