@@ -157,6 +157,26 @@ def test_modes_are_those_of_the_differential_equation_with_order_4(case):
     np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 4.0, atol=0.25)
 
 
+@pytest.mark.parametrize("share", [3.0, 0.4, -0.4, -0.99])
+def test_a_beam_between_pins_under_tension_has_its_closed_form(share):
+    tension, pins = share * math.pi**2 * EI / LENGTH**2, [fi.Support("pinned", "root"), fi.Support("pinned", "tip")]
+    system = fi.assemble(fi.Structure(BEAM, supports=pins, axial=fi.Axial(tension=tension)), 40)
+    n = np.arange(1, 3) * math.pi / LENGTH
+    exact = (n**4 * EI + n**2 * tension) / MASS
+    found = (2 * math.pi * fi.solve_modes(system, 2).natural_frequency) ** 2
+    # the mesh's share of the square without tension, (n h)^4/720, and rounding of Cholesky's factor
+    assert np.all(np.abs(found - exact) <= (1.2 * (n * LENGTH / 40) ** 4 / 720 + 1e-8) * n**4 * EI / MASS)
+
+
+def test_what_hangs_on_a_spring_at_its_root_is_a_pendulum_and_does_not_stand():
+    # a rod, stiff beside its weight, that turns about its end
+    hung = fi.Structure(BEAM, supports=(), springs=[fi.Spring("pivot", "root", 1e9)], axial=fi.Axial(acceleration=0.1))
+    frequency = math.sqrt(1.5 * 0.1 / LENGTH) / (2 * math.pi)
+    assert fi.assemble(hung, 20).first_frequency == pytest.approx(frequency, rel=1e-5)
+    with pytest.raises(fi.InputError, match="buckled"):
+        fi.assemble(replace(hung, axial=fi.Axial(acceleration=-0.1)), 20)
+
+
 def test_published_numbers_of_spinning_beams():
     # Wright and others (1982), omega L^2 sqrt(rho A/EI) of mode 1 over the same of the spin
     for eta, published in ((0.0, 3.5160), (3.0, 4.7973), (12.0, 13.1702)):
@@ -296,8 +316,8 @@ def test_structures_are_refused(change, words):
 
 
 @pytest.mark.parametrize("values", [
-    {"spin": -1.0}, {"hub": -0.1}, {"tension": math.nan}, {"acceleration": math.inf}, {"spin_plane": "edge"},
-    {"acceleration": "9.81 m/s^2"},
+    {"spin": -1.0}, {"spin": 1e200}, {"tension": -1e300}, {"hub": -0.1}, {"tension": math.nan},
+    {"acceleration": math.inf}, {"spin_plane": "edge"}, {"acceleration": "9.81 m/s^2"},
 ])  # fmt: skip
 def test_fields_are_refused(values):
     with pytest.raises(fi.InputError, match=next(iter(values))) as refused:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from femimpact.errors import check_fields, choice, quantity
+from femimpact.errors import LARGEST, check_fields, choice, quantity
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Axial:
         acceleration is the axis's, along the deflection.
     """
 
-    acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
-    spin: float = field(default=0.0, metadata=quantity("rad/s", at_least=0.0))
-    hub: float = field(default=0.0, metadata=quantity("m", at_least=0.0))
-    tension: float = field(default=0.0, metadata=quantity("N"))
+    acceleration: float = field(default=0.0, metadata=quantity("m/s^2", at_least=-LARGEST, at_most=LARGEST))
+    spin: float = field(default=0.0, metadata=quantity("rad/s", at_least=0.0, at_most=LARGEST))
+    hub: float = field(default=0.0, metadata=quantity("m", at_least=0.0, at_most=LARGEST))
+    tension: float = field(default=0.0, metadata=quantity("N", at_least=-LARGEST, at_most=LARGEST))
     spin_plane: str = field(default="flap", metadata=choice("flap", "lag"))
 
     def __post_init__(self) -> None:
