@@ -38,6 +38,14 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slope_of_a_rebound", "(1.0 + restitution + change)[:, None]", "(1.0 + restitution)[:, None]"),
         Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
     ),
+    "test_axial_load.py": (
+        Mutation("pull_of_a_body", "beyond[middle < place] += force", "beyond[middle < place] += 0.99 * force"),
+        Mutation("turn_of_a_body", "force * body.offset, body.offset))", "-force * body.offset, body.offset))"),
+        Mutation("spin_of_a_rotary_inertia", "axial_forces(grid, load, lag)", "axial_forces(grid, load, 0.0)"),
+        Mutation("ball_on_a_tilted_floor", "free + held + tilt + tilt.T", "free + held + tilt"),
+        Mutation("turns_of_a_spin", "Fraction(2.0 * math.pi) * _SYMBOLS", "Fraction(math.pi) * _SYMBOLS"),
+        Mutation("node_of_a_jump", "places if np.abs(self.nodes - x).min() >", "() if np.abs(self.nodes - x).min() >"),
+    ),
     "test_held_tip.py": (
         Mutation("place_that_is_held", "(name for name in places if np.any(self.point_row(name)))", "iter(places)"),
     ),

@@ -52,6 +52,7 @@ from femimpact.signals.laser import Laser as Laser
 from femimpact.signals.one_pole import fit_one_pole as fit_one_pole
 from femimpact.signals.shock_response import shock_response_spectrum as shock_response_spectrum
 from femimpact.signals.transfer import transfer_function as transfer_function
+from femimpact.structure.axial import Axial as Axial
 from femimpact.structure.beam import Beam as Beam
 from femimpact.structure.beam import ModalDamping as ModalDamping
 from femimpact.structure.beam import Rayleigh as Rayleigh

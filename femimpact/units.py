@@ -39,6 +39,7 @@ UNITS: Mapping[str, tuple[str, ...]] = {
     "m^2": ("m^2", "cm^2", "mm^2", "in^2"),
     "m^4": ("m^4", "cm^4", "mm^4", "in^4"),
     "rad": ("rad", "mrad", "deg"),
+    "rad/s": ("rad/s", "deg/s", "rpm", "Hz"),
     "1/s": ("1/s", "1/min"),
     "oct/min": ("oct/min", "oct/s"),
     "bytes": ("bytes", "kB", "MB", "GB"),
@@ -304,6 +305,9 @@ def at_place(value: float, place: int) -> str:
 
 def _size_in(text: str, unit: str) -> Fraction | None:
     """How many of an SI unit a unit is; None where the text is no unit, or of another dimension."""
+    if unit == "rad/s" and text.strip() in ("rpm", "Hz"):
+        # of turns; 1/s may be meant as rad/s, and does not fit
+        return Fraction(2.0 * math.pi) * _SYMBOLS[text.strip()][0]
     # g is what makes the unit fit, an acceleration before a mass; none is in a unit of SI
     fitting = (size / target for target, its in _readings(unit)[-1:] for size, of in _readings(text) if of == its)
     return next(fitting, None)

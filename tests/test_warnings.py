@@ -68,6 +68,7 @@ SITES = {
     ("integrators/planned_drive.py", "_begin_in_motion"): ["begins in motion"],
     ("integrators/planned_drive.py", "contact_notes"): ["in contact at rest"],
     ("structure/structure.py", "unusual_numbers"): ["is it in Pa", "is it a percentage", "shear and rotary inertia"],
+    ("fem/axial.py", "weight_words"): ["along the beam is left out"],
     ("fem/assembly.py", "unusual_words"): ["are units SI"],
 }  # fmt: skip
 """Functions that make warnings of a run, and headings of the page that are words of them or of their module."""

@@ -21,6 +21,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PAGES = (
     "README",
+    "axial_load",
     "calibration",
     "course",
     "measured_base",
@@ -47,6 +48,8 @@ def blocks(page: Path, language: str) -> list[str]:
 
 def prepare(page: Path, folder: Path) -> None:
     """Save in a folder what the reader of a page has to save before the script runs."""
+    if page.stem == "axial_load":
+        (folder / "blade.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
     if page.stem == "own_mesh":
         (folder / "beam.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
         for name, source in MESHES.items():

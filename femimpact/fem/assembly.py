@@ -12,12 +12,14 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 from skfem import BilinearForm
-from skfem.helpers import dd, ddot
+from skfem.helpers import dd, ddot, dot, grad
 
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
+from femimpact.fem.axial import axial_forces, weight_words
 from femimpact.fem.discretisation import Discretisation, discretise, kind_of
 from femimpact.fem.mesh import Mesh
+from femimpact.structure.axial import Axial
 from femimpact.structure.structure import (
     SUPPORTS,
     Absorber,
@@ -31,7 +33,7 @@ from femimpact.structure.structure import (
 from femimpact.system.added_terms import add_terms
 from femimpact.system.contact_pair import ContactPair, contact_pair
 from femimpact.system.hermite import Reaction, hermite_rows
-from femimpact.system.matrices import Matrix
+from femimpact.system.matrices import Matrix, factor_of_sum
 from femimpact.system.modes import (
     Modes,
     damped_with_modes,
@@ -52,6 +54,12 @@ def bending(u: Any, v: Any, w: Any) -> Any:
 def inertia(u: Any, v: Any, w: Any) -> Any:
     """Integral of rho A u v."""
     return w.mass_per_length * u * v
+
+
+@BilinearForm  # type: ignore[untyped-decorator]
+def tilting(u: Any, v: Any, w: Any) -> Any:
+    """Integral of N u' v'."""
+    return w.normal_force * dot(grad(u), grad(v))
 
 
 class Entries(NamedTuple):
@@ -97,7 +105,7 @@ def beam_matrices(grid: Discretisation) -> tuple[Entries, Entries]:
 
 def _weighted(form: Any, name: str, basis: Any, coefficients: Array) -> Entries:
     """A form whose coefficient is a polynomial in every element: (powers, elements), by powers of x = 2 s - 1."""
-    powers = [power for power, coefficient in enumerate(coefficients) if coefficient.any()]
+    powers = [power for power, coefficient in enumerate(coefficients) if coefficient.any()] or [0]
     parts = [_integrals(form, name, basis, power) for power in powers]
     row, column, _ = parts[0]
     value = sum(coefficients[power] * part.value for power, part in zip(powers, parts, strict=True))
@@ -195,7 +203,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
         Of numbers that may be in another unit: a beam of more than a tonne or less slender than 5, a first mode
         outside 0.01 Hz to 100 kHz, a modulus outside 1e8 to 2e12 Pa, a density outside 10 to 30,000 kg/m^3, a width or
         a gap beyond the beam's length, a ball heavier than beam and bodies, a body of more than 1000 beams. Of a mesh
-        of several regions under a beam of one segment.
+        of several regions under a beam of one segment. Of the balls' weight along the beam (`Axial`).
 
     Notes
     -----
@@ -203,7 +211,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
     shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
     that frequencies keep order 4 in the element length (Strang and Fix, 1973); `femimpact.validation.beams` has the
-    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity.
+    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity. A load
+    along the beam adds to K what `Axial` says.
     """
     return assembled_with_modes(structure, elements, mesh, 1)[0]
 
@@ -217,15 +226,16 @@ def assembled_with_modes(
     damped, modes = damped_with_modes(bare, structure.damping, min(least, bare.dofs))
     contacts = _contacts(damped, grid, modes)
     complete = with_checked_fields(damped, first_frequency=float(modes.natural_frequency[0]), contacts=contacts)
-    for words in unusual_words(structure, first_elastic_frequency(complete)):
+    for words in unusual_words(structure, complete):
         warnings.warn(words, InputWarning, stacklevel=3)
     return _with_dashpots(complete, grid), modes
 
 
 def _undamped(grid: Discretisation) -> System:
     """The system without damping and contacts, before its first frequency is known."""
-    K, M = beam_matrices(grid)
-    M, factor, springs = joined(M, _lumped_mass(grid)), stiffness_factor(grid), grid.structure.springs
+    K, beam_mass = beam_matrices(grid)
+    numbers = [(body.mass, body.rotary_inertia, body.offset) for body in grid.structure.masses]
+    M, factor, springs = joined(beam_mass, _on_bodies(grid, numbers)), stiffness_factor(grid), grid.structure.springs
     if springs:
         rows = _connection_rows(grid, springs, "spring")
         pulls = sparse.diags_array(np.sqrt([spring.stiffness for spring in springs])) @ rows
@@ -234,13 +244,18 @@ def _undamped(grid: Discretisation) -> System:
         factor = sparse.vstack([factor, pulls], format="csr")
     free, rigid = grid.free, np.zeros(grid.dofs)
     rigid[0::2] = 1.0
+    factor = factor[:, free]
+    if grid.structure.axial is not None:
+        added = _axial_stiffness(grid, grid.structure.axial, beam_mass)
+        K = joined(K, added)
+        factor = factor_of_sum("axial", factor, added.on(free, grid.dofs), K.on(free, grid.dofs))
     momentum = M.times(rigid)
     load = own(grid.structure.gravity * momentum[free])
     return computed_system(
         M=M.on(free, grid.dofs),
         C=sparse.csr_array((free.size, free.size)),
         K=K.on(free, grid.dofs),
-        stiffness_factor=factor[:, free],
+        stiffness_factor=factor,
         base_load=own(momentum[free]),
         rigid_translation=own(rigid[free]),
         nodes=grid.mesh.nodes,
@@ -255,6 +270,14 @@ def _undamped(grid: Discretisation) -> System:
     )
 
 
+def _axial_stiffness(grid: Discretisation, load: Axial, beam_mass: Entries) -> Entries:
+    """What a load along the beam adds to K, over all dofs."""
+    lag = load.spin**2 if load.spin_plane == "lag" else 0.0
+    force, on_bodies = axial_forces(grid, load, lag)
+    beam = _weighted(tilting, "normal_force", grid.basis, force)
+    return joined(beam, _on_bodies(grid, on_bodies), beam_mass._replace(value=-lag * beam_mass.value))
+
+
 def _expansion(grid: Discretisation) -> Matrix:
     """Matrix from the free dofs to all, (dofs, free dofs)."""
     count = grid.free.size
@@ -262,19 +285,16 @@ def _expansion(grid: Discretisation) -> Matrix:
     return sparse.csr_array((np.ones(count), np.arange(count), first), shape=(grid.dofs, count))
 
 
-def unusual_words(
-    structure: Structure,
-    first_frequency: float,  # Hz: of its first elastic mode
-) -> list[str]:
-    """Words on the numbers of a structure that are so unusual that another unit may have been meant."""
-    beam = structure.beam
+def unusual_words(structure: Structure, system: System) -> list[str]:
+    """Words on numbers of an assembled structure that may be meant in another unit, and on a weight left out."""
+    beam, first_frequency = structure.beam, first_elastic_frequency(system)
     low, high = USUAL_FREQUENCY
     notes = []
     if beam.mass > HEAVY:
         notes.append(f"beam.mass = {beam.mass:.4g} kg: more than {HEAVY:g} kg; are lengths in metres?")
     if not low <= first_frequency <= high:
         notes.append(f"first mode at {first_frequency:.4g} Hz: outside {low:g} to {high:g} Hz; are units SI?")
-    return [*notes, *map(str, unusual_numbers(structure))]
+    return [*notes, *map(str, unusual_numbers(structure)), *weight_words(structure, system)]
 
 
 def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[ContactPair, ...]:
@@ -358,12 +378,11 @@ def _forces_to_base(grid: Discretisation, items: Sequence[Spring | Dashpot], kin
     return forces
 
 
-def _lumped_mass(grid: Discretisation) -> Entries:
-    """M (N + e N')(N + e N')^T + J N' N'^T for every body with its centre at e from its place, over all dofs."""
+def _on_bodies(grid: Discretisation, numbers: Sequence[tuple[float, float, float]]) -> Entries:
+    """Mass m (N + e N')(N + e N')^T + J N' N'^T for every body by its (m, J, e), e from its place, over all dofs."""
     bodies = grid.structure.masses
     places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
     shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
-    numbers = [(body.mass, body.rotary_inertia, body.offset) for body in bodies]
     mass, inertia, offset = np.array(numbers).reshape(-1, 3).T[:, :, None]
     # four dofs of each body, those of the element that holds it
     dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)

@@ -174,6 +174,9 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         require(not isinstance(elements, Mesh), "elements", kind, "", "must be a whole number; pass a mesh as mesh=")
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
+    if structure.axial is not None:
+        # where the normal force jumps
+        mesh = mesh.with_nodes(_position(structure, mesh, body.at, f"mass.{body.name}.at") for body in structure.masses)
     bodies: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
     for item in bodies:
         key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"

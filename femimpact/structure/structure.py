@@ -17,6 +17,7 @@ from femimpact.errors import (
     check_fields,
     checked,
     choice,
+    instance,
     name_text,
     optional,
     place,
@@ -24,6 +25,7 @@ from femimpact.errors import (
     require,
     require_type,
 )
+from femimpact.structure.axial import Axial
 from femimpact.structure.beam import Beam, ModalDamping, Rayleigh
 from femimpact.table import Head, head_of_values, short_repr
 
@@ -381,6 +383,8 @@ class Structure:
     gravity : float, m/s^2
         Constant acceleration along the deflection of everything that moves: beam, bodies and balls. The
         `acceleration` of a ball adds to it.
+    axial : Axial, optional
+        Load along the beam: weight, spin, tension. None is none.
     springs : sequence of Spring
         Those to the base hold the beam, so that there may be no supports. About a single one, without supports, the
         beam is free to turn: a rigid motion of frequency 0.
@@ -401,6 +405,7 @@ class Structure:
     springs: Sequence[Spring] = ()
     dashpots: Sequence[Dashpot] = ()
     absorbers: Sequence[Absorber] = ()
+    axial: Axial | None = field(default=None, metadata=optional(instance(Axial)))
 
     def __post_init__(self) -> None:
         kinds = {
@@ -438,6 +443,12 @@ class Structure:
         if beyond:
             raise InputError(beyond)
         self._check_supports()
+        if self.axial is not None:
+            held = bool(self.supports or self.springs_to_base)
+            require(held, "axial", self.axial, "", "must be None for a beam that nothing holds")
+            still = not self.axial.spin or not (self.impactors or self.absorbers)
+            allowed = "must be 0 beside balls and absorbers: what a spin does to them is left out"
+            require(still, "axial.spin", self.axial.spin, "rad/s", allowed)
 
     @property
     def _head(self) -> Head:
@@ -453,6 +464,8 @@ class Structure:
         rows["damping"] = "none" if self.damping is None else repr(self.damping)
         if self.gravity:
             rows["gravity"] = f"{self.gravity:g} m/s^2"
+        if self.axial is not None:
+            rows["axial"] = repr(self.axial)
         return head_of_values(f"Structure: beam of {self.beam.length:g} m, {self.beam.mass:.4g} kg", rows)
 
     @property

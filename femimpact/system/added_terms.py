@@ -11,10 +11,10 @@ import scipy.sparse as sparse
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.arrays import own
-from femimpact.errors import Fault, InputError, require, require_type
+from femimpact.errors import require, require_type
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import Reaction
-from femimpact.system.matrices import Matrix, banded_factor, check_damping, checked_matrix, checked_row
+from femimpact.system.matrices import Matrix, banded_factor, check_damping, checked_matrix, checked_row, factor_of_sum
 from femimpact.system.modes import first_mode_at, flexibility, solve_modes
 from femimpact.system.system import System, with_checked_fields
 
@@ -126,7 +126,7 @@ def _with_new_matrices(
         M=M,
         C=sparse.csr_array(C),
         K=K,
-        stiffness_factor=_stiffness_factor(system, free["stiffness"], K),
+        stiffness_factor=factor_of_sum("stiffness", system.stiffness_factor, free["stiffness"], K),
         base_load=own(system.base_load + base_load),
         total_mass=system.total_mass + total_mass,
         first_frequency=math.nan,
@@ -143,20 +143,6 @@ def _matrix_on_basis(name: str, value: Any, size: int) -> Matrix:
     allowed = f"must have the shape ({size}, {size}): all dofs of the basis, held ones included"
     require(matrix.shape == (size, size), name, matrix.shape, "", allowed)
     return matrix
-
-
-def _stiffness_factor(system: System, added: Matrix, K: Matrix) -> Matrix:
-    """G of the sum: that of the structure above that of the added stiffness, or Cholesky's of the sum."""
-    if added.nnz == 0:
-        return system.stiffness_factor
-    factor = banded_factor(added, semidefinite=True)
-    if factor is not None:
-        return sparse.csr_array(sparse.vstack([system.stiffness_factor, factor], format="csr"))
-    of_sum = banded_factor(K)
-    if of_sum is None:
-        allowed = "must leave the stiffness positive definite: under this one the structure has buckled"
-        raise InputError([Fault("stiffness", None, "", allowed)])
-    return of_sum
 
 
 def _with_terms(

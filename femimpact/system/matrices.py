@@ -257,6 +257,28 @@ def banded_factor(matrix: Matrix, semidefinite: bool = False) -> Matrix | None:
     return sparse.csr_array((values, (rows, rows + offsets)), shape=(size, size))
 
 
+def factor_of_sum(name: str, factor: Matrix, added: Matrix, total: Matrix) -> Matrix:
+    """G of K = G_0^T G_0 + added, by G_0 and K: both factors stacked, or Cholesky's of K where `added` is indefinite.
+
+    Raises `InputError` naming what is added where K is not positive definite, with the share up to which it is.
+    """
+    of_added = banded_factor(added, semidefinite=True)
+    if of_added is not None:
+        return sparse.csr_array(sparse.vstack([factor, of_added], format="csr")) if added.nnz else factor
+    of_total = banded_factor(total)
+    if of_total is not None:
+        return of_total
+    low, high = 0.0, 1.0
+    while high - low > 1e-5:
+        share = 0.5 * (low + high)
+        stands = banded_factor(sparse.csr_array(total - (1.0 - share) * added)) is not None
+        low, high = (share, high) if stands else (low, share)
+    allowed = (
+        f"must leave the stiffness positive definite: under this one the structure has buckled, at {high:.5f} of it"
+    )
+    raise InputError([Fault(name, None, "", allowed)])
+
+
 def check_semidefinite(name: str, matrix: Matrix) -> None:
     """Raise `InputError` unless a symmetric sparse matrix is positive semidefinite, to 1e-9 of its largest entry."""
     if matrix.nnz == 0 or float(abs(matrix).max()) == 0.0:

@@ -16,6 +16,7 @@ from femimpact.fem.assembly import assemble
 from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.response.response import Recorder
+from femimpact.structure.axial import Axial
 from femimpact.structure.beam import Beam, Rayleigh, Segment
 from femimpact.structure.structure import PointMass, Stop, Structure
 from femimpact.system.modes import Modes, solve_modes, solve_stiffness
@@ -140,7 +141,31 @@ def base_sine() -> Iterator[Case]:
         )  # fmt: skip
 
 
-CASES = (cantilever_root, tip_mass_root, tip_flexibility, base_sine)
+def axial_load() -> Iterator[Case]:
+    """Beams that hang and spin: power series of w'''' - (n w')' = omega^2 w in x/L, n = N L^2/EI."""
+    from scipy.optimize import brentq
+
+    def determinant(omega: float, force: tuple[float, ...]) -> float:
+        k, shapes = np.arange(80.0), np.eye(80, 2, -2)
+        for i in range(76):
+            bent = sum((i + 1) * (i + 2 - j) * n * shapes[i + 2 - j] for j, n in enumerate(force))
+            shapes[i + 4] = (omega**2 * shapes[i] + bent) / math.prod(range(i + 1, i + 5))
+        return float(np.linalg.det([k * (k - 1) @ shapes, k * (k - 1) * (k - 2) @ shapes]))
+
+    unit = math.sqrt(BENDING_STIFFNESS / MASS_PER_LENGTH) / LENGTH**2
+    source, quantity = "derived here (power series)", "omega L^2 sqrt(rho A/EI)"
+    reason = f"order 4, {ELEMENTS} cubic elements: 9e-9 at eta 12"
+    for name, load, force in (
+        ("hangs", Axial(acceleration=20.0 * unit**2 * LENGTH), (20.0, -20.0)),
+        ("spins, eta 3", Axial(spin=3.0 * unit), (4.5, 0.0, -4.5)),
+        ("spins, eta 12", Axial(spin=12.0 * unit), (72.0, 0.0, -72.0)),
+    ):
+        omega = 2.0 * math.pi * float(modes_of(Structure(uniform_beam(), axial=load), 1).natural_frequency[0]) / unit
+        exact = brentq(determinant, 0.999 * omega, 1.001 * omega, (force,), xtol=1e-14, rtol=1e-14)
+        yield Case(f"cantilever that {name}, mode 1", source, quantity, "1", float(exact), omega, 2e-8, reason)
+
+
+CASES = (cantilever_root, tip_mass_root, tip_flexibility, base_sine, axial_load)
 """The cases of this subject, in the order of the table."""
 
 

@@ -101,13 +101,18 @@ def _places(study: Study) -> Iterator[Place]:
         yield from _fields_of(segment, "beam", part, Stage.MODES)
     for owner, name in PARTS.items():
         for item in getattr(structure, name):
-            yield from _fields_of(item, owner, item.name, Stage.MODES)
+            for place in _fields_of(item, owner, item.name, Stage.MODES):
+                # the weight along the beam that is left out depends on the ball, too
+                hangs = structure.axial is not None and place.stage == Stage.BALL
+                yield replace(place, stage=Stage.MODES) if hangs else place
             yield from _law_of(owner, item.name, getattr(item, "contact", None))
     if structure.damping is not None:
         for name in ("ratio", "ratios", "frequencies"):
             if hasattr(structure.damping, name):
                 yield _place("damping", "", name, "Hz" if name == "frequencies" else "1", Stage.DAMPING)
     yield _place("gravity", "", "acceleration", "m/s^2", Stage.MODES)
+    if structure.axial is not None:
+        yield from _fields_of(structure.axial, "axial", "", Stage.MODES)
     yield from _fields_of(study.mesh, "mesh", "", Stage.MODES)
     if study.reduction is not None:
         yield from _fields_of(study.reduction, "reduction", "", Stage.MODES)
@@ -217,6 +222,7 @@ def _changed(study: Study, place: Place, value: Any) -> dict[str, Any]:
             return {beside.argument: checked(name, value, beside.metadata)}
         return {"base": base_with(study.base, place.path.removeprefix("base."), value)}
     above = {"beam": ("structure", "beam", "segments", place.part), "damping": ("structure", "damping")}
+    above["axial"] = ("structure", "axial")
     above |= {part: ("structure", nouns, place.part) for part, nouns in PARTS.items()}
     first, *keys = *above.get(owner, (owner,)), *name.split(".")
     return {first: _with(getattr(study, first), keys, value)}
@@ -256,7 +262,7 @@ def bounds_of_axis(key: str, value: Any, way: str = "") -> tuple[float, float]:
 
 def unknown_path(path: str, known: Mapping[str, Place], of_system: bool) -> Fault:
     """The fault of a path that is not known."""
-    parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "spring", "dashpot", "support")
+    parts = ("beam", "mass", "damping", "mesh", "reduction", "gravity", "axial", "spring", "dashpot", "support")
     if of_system and path.partition(".")[0] in parts:
         return Fault(path, None, "", f"{FIXED}: give a Study, or a function that returns a structure")
     of_base = {one for one in known if one.startswith("base.")}

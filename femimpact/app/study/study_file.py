@@ -45,6 +45,7 @@ from femimpact.errors import Fault, InputError, changed, require_path, suggestio
 from femimpact.fem.mesh import uniform_mesh
 from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
+from femimpact.structure.axial import Axial
 from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
 from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
 
@@ -580,6 +581,7 @@ TABLES: Mapping[str, _Table] = {
         partial(noun_schema, Gravity),
         lambda header, g: _table_lines(header, {"acceleration": g}),
     ),
+    "axial": _of(Axial, "structure.axial"),
     "reduction": _of(Reduction, "reduction"),
     "base": _Table("", _base, base_schema, _base_lines, required=True),
     "force": _Table(

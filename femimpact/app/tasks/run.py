@@ -318,6 +318,8 @@ def _details(prepared: PreparedStudy) -> Iterator[str]:
     study, method = prepared.study, prepared.method
     if study.structure.gravity:
         yield f"gravity: {study.structure.gravity:g} m/s^2 along the deflection"
+    if study.structure.axial is not None:
+        yield f"load along the beam: {study.structure.axial}"
     for pair in prepared.small.contacts:
         if not pair.has_walls:
             tuned = math.sqrt(pair.free_stiffness / pair.mass)
