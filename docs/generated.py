@@ -43,7 +43,6 @@ WITH = {
     "planned_test": "parametric",
     "vtk": "figures",
     "refinement": "parametric",
-    "absorber": "structure",
 }
 """Folders whose names stand in the group of another."""
 

@@ -315,7 +315,7 @@ VERBS = {
     "glue_impactors": (fi.structure.glue_impactors, lambda: {"structure": STRUCTURE}),
     "damper_curve": (fi.design.damper_curve, lambda: {
         "amplitude_over_gap": [0.3, 0.5], "restitution": [0.5, 0.6], "starts": 1, "seed": 1, "cycles": 60,
-        "gravity": 0.1, "stiffness": 1e4, "threads": 1,
+        "gravity": 0.1, "stiffness": 1e4,
     }),
     "tuned_absorber": (fi.tuned_absorber, lambda: {
         "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2,

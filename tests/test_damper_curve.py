@@ -104,7 +104,7 @@ def test_shares_of_the_starts(found):
     # each run that settled has the closed form: the loss to rounding, the effective mass as samples have it
     for level in LEVELS[1:]:
         own = found.sel(amplitude_over_gap=level)
-        assert own["motion_rhythm"].values[0] == "2:1 periodic"
+        assert own["rhythm"].values[0] == "2:1 periodic"
         assert float(own["motion_loss"][0]) == pytest.approx(float(own["loss"]), rel=1e-9)
         assert float(own["motion_effective_mass"][0]) == pytest.approx(float(own["effective_mass"]), abs=1e-3)
     # at 0.2 the others take a tenth of that, and are no part of any mean with it
@@ -115,17 +115,16 @@ def test_shares_of_the_starts(found):
 
 def test_the_designers_point_is_where_every_start_that_meets_a_wall_finds_it(found):
     at = float(found["sure_from"])
-    unmet = found["motion_share"].where(found["motion_rhythm"] == "no impacts").sum("motion")
+    unmet = found["motion_share"].where(found["rhythm"] == "no impacts").sum("motion")
     sure = (found["found"] + unmet).values > 1 - 1e-9
     assert at in LEVELS[2:]
     assert at == LEVELS[int(np.argmax(sure))]
     assert at > float(found["best"]) + 0.05
-    assert float(found["sure_to"]) == LEVELS[-1]
 
 
 def test_above_the_symmetry_breaking_the_motion_is_that_of_runs():
     curve = fi.design.damper_curve([0.7, 0.8], 0.6, starts=4, cycles=360).isel(restitution=0, motion=0)
-    assert curve["motion_rhythm"].values.tolist() == ["2:1 periodic"] * 2
+    assert curve["rhythm"].values.tolist() == ["2:1 periodic"] * 2
     off = (curve["motion_loss"] / curve["loss"] - 1.0).values
     assert abs(off[0]) < 1e-9 < 1e-2 < off[1]
     assert curve["stable"].values.tolist() == [True, False]
@@ -172,7 +171,6 @@ def test_gravity_holds_the_ball_on_its_wall():
         ({"stiffness": -1.0, "starts": 1}, "stiffness"),
         ({"starts": -1}, "starts"),
         ({"starts": 2, "cycles": 10}, "cycles"),
-        ({"starts": 2, "threads": 0}, "threads"),
     ],
 )
 def test_wrong_input_is_refused_in_one_line(wrong, key):
@@ -189,7 +187,7 @@ def test_the_figure_marks_the_designers_point(found):
     at = float(found["sure_from"])
     assert star.get_xdata()[0] == at
     assert star.get_ydata()[0] == pytest.approx(float(found["loss"].sel(amplitude_over_gap=at)), rel=1e-9)
-    np.testing.assert_allclose(share.lines[0].get_ydata(), 100 * found["found"])
+    np.testing.assert_allclose(share.lines[0].get_ydata(), found["found"])
     # a circle's size is the share of its motion
     np.testing.assert_allclose(
         loss.collections[0].get_sizes() / 60.0, np.nan_to_num(found["motion_share"]).ravel(), rtol=1e-12
@@ -205,8 +203,3 @@ def test_the_table_has_a_row_for_each_motion(found, tmp_path):
     assert np.array_equal(table["amplitude_over_gap"], np.repeat(LEVELS, rows))
     assert np.array_equal(table["loss"], np.repeat(found["loss"].values, rows))
     assert np.array_equal(table["motion_loss"], found["motion_loss"].values.ravel(), equal_nan=True)
-
-
-def test_threads_do_not_change_the_curve():
-    one, two = (fi.design.damper_curve([0.2, 0.3], [0.6], starts=6, cycles=60, threads=n) for n in (1, 2))
-    assert one.identical(two)
