@@ -196,6 +196,12 @@ def test_the_figure_marks_the_designers_point(found):
     assert len(closed) == 2
 
 
+def test_another_dataset_is_refused():
+    other = fi.design.damper_curve(0.3, 0.6).rename(restitution="e")
+    with pytest.raises(fi.InputError, match="must be a dataset of design"):
+        fi.figures.damper_curve(other, figure=fi.figures.OffScreen())
+
+
 def test_the_table_has_a_row_for_each_motion(found, tmp_path):
     table = read_csv(write_csv(tmp_path / "curve.csv", *dataset_columns(found)))
     assert len(table["loss"]) == found["motion_loss"].size

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
 from femimpact.contact.laws import KelvinVoigt, Rigid
@@ -24,9 +24,6 @@ from femimpact.system.system import System
 
 if TYPE_CHECKING:
     import xarray
-
-FASTEST_START = 2.0
-"""Largest speed of the ball at a start, relative to the box, over A w."""
 
 SAMPLES = 256
 """Readings in a cycle, of which the effective mass of a run is taken."""
@@ -95,11 +92,6 @@ def damper_curve(
         - `found`, the share of the starts that find one impact on each wall in every cycle, and `sure_from`, the first
           of the longest series of A/d at which all do but a ball that meets no wall: the designer's point.
 
-    Raises
-    ------
-    InputError
-        If a value is out of range, or gravity or stiffness are asked for without starts.
-
     Examples
     --------
     >>> import femimpact as fi
@@ -120,7 +112,8 @@ def damper_curve(
     if closed:
         curve = curve.assign(_two_impacts(curve["amplitude_over_gap"], curve["restitution"]))
     if starts:
-        low, high = np.transpose([(-1.0, 1.0), (-FASTEST_START, FASTEST_START), (0.0, 2.0 * math.pi)])
+        # place over d, speed over A w, phase
+        low, high = (-1.0, -2.0, 0.0), (1.0, 2.0, 2.0 * math.pi)
         begun = np.random.default_rng(seed).uniform(low, high, (starts, 3)).tolist()
         cases = [(one, level, *start) for one in e.tolist() for level in levels.tolist() for start in begun]
         rows = run_each(lambda case, _: _measured(case, cycles, gravity, stiffness), cases, cores(), report)
@@ -159,12 +152,8 @@ def _two_impacts(level: xarray.DataArray, e: xarray.DataArray) -> dict[str, Any]
     }
 
 
-Row = tuple[float, float, str, float, float]
-"""Restitution, A/d, rhythm, loss and effective mass of a run."""
-
-
-def _measured(case: tuple[float, ...], cycles: int, gravity: float, stiffness: float | None) -> Row:
-    """What a run does in the end: a ball of 1 kg between walls at -+1 m on a base of 1 rad/s."""
+def _measured(case: tuple[float, ...], cycles: int, gravity: float, stiffness: float | None) -> tuple[Any, ...]:
+    """Point, rhythm, loss and effective mass of a run: a ball of 1 kg, walls at -+1 m on a base of 1 rad/s."""
     e, level, place, speed, phase = case
     walls = Stop("walls", "ball", 1.0, Rigid(e) if stiffness is None else KelvinVoigt(stiffness, restitution=e))
     none, weight = [[0.0]], [-gravity * level]
@@ -185,7 +174,7 @@ def _measured(case: tuple[float, ...], cycles: int, gravity: float, stiffness: f
     return e, level, rhythm, loss, 1.0 + float((run.steady.first_harmonic * np.cos(run.steady.phase))[0]) / level
 
 
-def _motions(rows: tuple[Row, ...], starts: int) -> xarray.Dataset:
+def _motions(rows: tuple[Any, ...], starts: int) -> xarray.Dataset:
     """Variables of the motions that runs have found."""
     import pandas
 
@@ -204,12 +193,8 @@ def _motions(rows: tuple[Row, ...], starts: int) -> xarray.Dataset:
         for rhythm in ("2:1 periodic", "no impacts")
     )
     sure = (share > unmet) & (share + unmet > 1.0 - 0.5 / starts)
-    first = np.array([_first_of_longest(row) for row in sure.to_numpy()])
     levels = np.append(found["amplitude_over_gap"].to_numpy(), math.nan)
+    # of each level how many from it on are sure
+    series = [[int(np.argmin(np.append(row[i:], False))) for i in range(row.size)] for row in sure.to_numpy()]
+    first = [int(np.argmax(lengths)) if any(lengths) else -1 for lengths in series]
     return found.assign(found=share, sure_from=("restitution", levels[first]))
-
-
-def _first_of_longest(sure: NDArray[np.bool_]) -> int:
-    """Where the longest series of true values begins; -1 without one."""
-    lengths = [int(np.argmin(np.append(sure[i:], False))) for i in range(sure.size)]
-    return int(np.argmax(lengths)) if sure.any() else -1

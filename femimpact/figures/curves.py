@@ -441,7 +441,7 @@ OF_DAMPER = {
 """Panels of the curve of a damper."""
 
 
-@takes(curve=having("a dataset of design.damper_curve", ("data_vars", "coords")), title=text())
+@takes(curve=having("a dataset of design.damper_curve", ("restitution", "amplitude_over_gap")), title=text())
 def damper_curve(
     curve: xarray.Dataset, title: str = "", *, figure: FigureBase | OffScreen | None = None
 ) -> NDArray[np.object_]:
@@ -470,8 +470,8 @@ def damper_curve(
         for axis, name in zip(axes, shown, strict=True):
             runs = own.get(f"motion_{name}")
             if name in own:
-                values = own[name].where(own["stable"]) if name != "found" else own[name]
-                axis.plot(level, values, color=colour, label=f"e = {e:g}")
+                certain = own["stable"] if name != "found" else True
+                axis.plot(level, own[name].where(certain), color=colour, label=f"e = {e:g}")
                 axis.plot(level, own[name], "--", color=colour, linewidth=1.0)
             if runs is not None:
                 at = own["amplitude_over_gap"].broadcast_like(runs)
@@ -479,7 +479,9 @@ def damper_curve(
                 axis.scatter(at, runs, size, facecolors="none", edgecolors=colour, label=f"e = {e:g}, runs")
             if "sure_from" in own and np.isfinite(own["sure_from"]):
                 star = (own[name] if runs is None else runs[:, 0]).sel(amplitude_over_gap=own["sure_from"])
-                axis.plot(own["sure_from"], star, "*", color=colour, markersize=15.0, markeredgecolor=DARK, zorder=4.0)
+                look: Any = {"color": colour, "markersize": 15.0, "markeredgecolor": DARK, "zorder": 4.0}
+                label = f"from {float(own['sure_from']):.3g} on all starts find both walls"
+                axis.plot(own["sure_from"], star, "*", label=label, **look)
     axes[0].set(xscale="log", yscale="log")
     for axis, name in zip(axes, shown, strict=True):
         x = "amplitude of the box over the gap, A/d" if name == shown[-1] else ""

@@ -152,12 +152,11 @@ def given_box() -> Iterator[Case]:
         taken = float(run.energy_loss[-2:].sum()) / (level * base.omega) ** 2
         pushes = float(np.sum(run.side[-2:] * run.impulse[-2:] * np.sin(run.phase[-2:])))
         of_runs = taken, 10.0 * pushes / (level * base.omega**2)
-        for word, number, ours, computed in zip(("loss", "effective mass"), known, (loss, mass), of_runs, strict=True):
-            for whose, result in (("the curve", ours), ("a run", computed)):
-                yield Case(
-                    f"{name}: {word} of {whose}", "derived here (half-cycle map)", f"{word} over m w^2 A^2 or m", "1",
-                    number, result, 1e-9, "9 decimals of the numbers; the run's start of 1 % has decayed",
-                )  # fmt: skip
+        for word, number, *both in zip(("loss", "effective mass"), known, (loss, mass), of_runs, strict=True):
+            yield Case(
+                f"{name}: {word}", "derived here (half-cycle map)", f"{word} of the curve or a run, the worse", "1",
+                number, max(both, key=lambda one: abs(one - number)), 1e-9, "9 decimals of the numbers",
+            )  # fmt: skip
 
 
 # ---- branches --------------------------------------------------------------------------------------
