@@ -179,6 +179,12 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
             "damping_of_an_absorber", '(2.0 * ratio * omega, "free_damping")', '(2.0 * ratio * omega, "acceleration")'
         ),
     ),
+    "test_damper_curve.py": (
+        Mutation("trace_of_the_half_map", "2.0 * e - (1.0 + e) ** 2 *", "2.0 * e - (1.0 - e) ** 2 *"),
+        Mutation("walls_on_the_way", "((later >= math.pi) |", "((later >= 0.0) |"),
+        Mutation("share_of_all_runs", "groups.size() / starts", "groups.size() / len(rows)"),
+        Mutation("designers_point_is_the_last", "int(np.argmax(lengths)) if", "int(np.argmin(lengths)) if"),
+    ),
     "test_report.py": (
         Mutation(
             "warnings_of_the_last_curve",

@@ -23,6 +23,7 @@ SUBJECTS = {
     "system": "Systems, modes, reduction, states",
     "integrators": "Methods and runs",
     "sweep": "Sweeps",
+    "design": "Design of dampers",
     "response": "Recorders, responses, impacts, energies",
     "signals": "Signals: damping from curves and decays, spectra, transfer functions, shock response spectra, laser",
     "parametric": "Parameter studies",
@@ -42,7 +43,6 @@ WITH = {
     "planned_test": "parametric",
     "vtk": "figures",
     "refinement": "parametric",
-    "absorber": "structure",
 }
 """Folders whose names stand in the group of another."""
 

@@ -1,4 +1,3 @@
-from femimpact.absorber import tuned_absorber as tuned_absorber
 from femimpact.app.parametric.best import best_case as best_case
 from femimpact.app.parametric.measured_peaks import calibrate as calibrate
 from femimpact.app.parametric.verb import parameter_study as parameter_study
@@ -15,6 +14,7 @@ from femimpact.contact.laws import HuntCrossley as HuntCrossley
 from femimpact.contact.laws import KelvinVoigt as KelvinVoigt
 from femimpact.contact.laws import Rigid as Rigid
 from femimpact.convergence.study import convergence_study as convergence_study
+from femimpact.design.absorber import tuned_absorber as tuned_absorber
 from femimpact.errors import DivergenceError as DivergenceError
 from femimpact.errors import FemimpactError as FemimpactError
 from femimpact.errors import InputError as InputError
@@ -77,6 +77,7 @@ from femimpact.versions import show_versions as show_versions
 from . import app as app
 from . import contact as contact
 from . import convergence as convergence
+from . import design as design
 from . import excitation as excitation
 from . import fem as fem
 from . import figures as figures

@@ -23,7 +23,7 @@ import numpy as np
 from femimpact.errors import require, require_path
 from femimpact.regular_file import decimal_number, kind_of, open_regular
 
-__all__ = ["plain", "read_csv", "read_units", "write_csv", "write_json", "write_netcdf"]
+__all__ = ["dataset_columns", "plain", "read_csv", "read_units", "write_csv", "write_json", "write_netcdf"]
 
 
 if TYPE_CHECKING:
@@ -187,6 +187,23 @@ def write_csv(path: str | Path, columns: Mapping[str, Sequence[Any]], units: Map
         writer.writerow([repr(float(value)) if isinstance(value, (float, np.floating)) else value for value in row])
     atomic_write(path, text.getvalue())
     return path
+
+
+def dataset_columns(dataset: xarray.Dataset) -> tuple[dict[str, Any], dict[str, str]]:
+    """Columns and units of a labelled dataset, as `write_csv` takes them: a row for each point of its largest variable.
+
+    Coordinates come first; what does not vary along an axis is repeated.
+    """
+    whole = max(dataset.data_vars.values(), key=lambda values: values.ndim)
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for group in (dataset.coords, dataset.data_vars):
+        for name, values in group.items():
+            columns[str(name)] = np.asarray(values.broadcast_like(whole).transpose(*whole.dims).to_numpy()).reshape(-1)
+            unit = str(values.attrs.get("units", ""))
+            if unit and unit != "1":
+                units[str(name)] = unit
+    return columns, units
 
 
 def read_csv(path: str | Path) -> dict[str, Any]:

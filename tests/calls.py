@@ -142,6 +142,9 @@ FIGURES = {
     "contact_laws": lambda: {"contacts": [("ball", LAW, 3e-3)], "speeds": [0.1, 0.2], "figure": SHEET},
     "convergence": lambda: {"table": NOUNS["ConvergenceTable"](), "names": ["a", "b"], "ax": SHEET},
     "convergence_panels": lambda: {"table": NOUNS["ConvergenceTable"](), "figure": SHEET},
+    "damper_curve": lambda: {
+        "curve": fi.design.damper_curve([0.3, 0.5], [0.6], starts=1, cycles=60), "title": "title", "figure": SHEET
+    },
     "drive": lambda: {"excitation": BASE, "end": 1.5, "figure": SHEET},
     "energies": lambda: {"response": drawn_run(), "figure": SHEET},
     "impact_histograms": lambda: {"response": drawn_run(), "figure": SHEET},

@@ -313,6 +313,10 @@ VERBS = {
     "reduce": (fi.reduce, lambda: {"system": system(), "modes": 2, "static_correction": True}),
     "truncation_notes": (fi.system.truncation_notes, lambda: {"system": small()}),
     "glue_impactors": (fi.structure.glue_impactors, lambda: {"structure": STRUCTURE}),
+    "damper_curve": (fi.design.damper_curve, lambda: {
+        "amplitude_over_gap": [0.3, 0.5], "restitution": [0.5, 0.6], "starts": 1, "seed": 1, "cycles": 60,
+        "gravity": 0.1, "stiffness": 1e4,
+    }),
     "tuned_absorber": (fi.tuned_absorber, lambda: {
         "structure": STRUCTURE, "mass": 1e-3, "at": "tip", "name": "absorber", "elements": 2, "under": "base",
     }),

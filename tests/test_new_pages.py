@@ -17,6 +17,7 @@ from test_study_forces import HEAD, REST, SINE, read
 import femimpact as fi
 from femimpact.app.parametric.paths import paths_of_study, study_with
 from femimpact.excitation.drives import drive_words
+from femimpact.files import read_csv
 
 pytestmark = pytest.mark.impacts
 
@@ -139,6 +140,22 @@ def test_the_page_on_where_a_damper_works(ran):
     orbits, runs = (rows[2].split()[-1] for rows in (printed[6:12], printed[:6]))
     assert all(run == "p" for run, orbit in zip(runs, orbits, strict=True) if orbit == "S")
     assert names["over_frequency"].is_stable.any()
+
+
+def test_the_page_on_which_ball(ran):
+    names, printed, said = ran("which_ball")
+    assert len(printed) == len(said) == 16
+    # what has a closed form is the same on every processor, and the run that repeats
+    exact = [0, 1, 2, 3, 4, *range(8, 16)]
+    assert [printed[i] for i in exact] == [said[i] for i in exact]
+    # shares of 20 starts, some of which are chaotic for long
+    np.testing.assert_allclose([numbers(row)[1] for row in printed[5:8]], [0.0, 10.0, 100.0], atol=15.0)
+    # of the two amplitudes of one harmonic each is 5 % off its orbit, which leaves nothing out
+    curve, orbits = ([numbers(row)[0] for row in printed[first : first + 2]] for first in (8, 11))
+    np.testing.assert_allclose(np.divide(curve, orbits), [0.95, 1.05], atol=0.005)
+    table = read_csv("which_ball.csv")
+    assert len(table["loss"]) == names["curve"]["motion_loss"].size
+    assert Path("which_ball.png").stat().st_size > 10_000
 
 
 def test_the_page_on_a_mast_in_the_wind(ran):

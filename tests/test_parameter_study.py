@@ -36,7 +36,8 @@ from femimpact.app.parametric.runs import evaluated
 from femimpact.app.parametric.verb import block_cases
 from femimpact.app.report.result_conclusions import study_lead
 from femimpact.app.tasks.study_command import definition_of
-from femimpact.figures.study_labels import case_columns, unsure_cells
+from femimpact.figures.study_labels import unsure_cells
+from femimpact.files import dataset_columns
 from femimpact.units import prefixed
 
 pytestmark = pytest.mark.impacts
@@ -827,7 +828,7 @@ def test_a_study_file_goes_round_and_its_table_has_a_row_for_every_case():
     definition = definition_of(given)
     assert definition.table.shape == (2, 3)
     dataset = fi.parameter_study(given, given.plan.axes, given.plan.measures, starts=5, cycles=6)
-    columns, units = case_columns(dataset)
+    columns, units = dataset_columns(dataset)
     assert {len(column) for column in columns.values()} == {6}
     assert units["impactor.ball.mass"] == "kg"
     np.testing.assert_array_equal(columns["peak_low"] <= columns["peak"], True)

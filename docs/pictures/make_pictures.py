@@ -29,6 +29,7 @@ PAGES = (
     "parameter_studies",
     "root_stress",
     "two_balls",
+    "which_ball",
 )
 EXAMPLES = ("absorber_or_ball", "design_map")
 """Whose pictures pages show."""

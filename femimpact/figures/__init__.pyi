@@ -3,6 +3,7 @@ from femimpact.figures.contacts import impact_histograms as impact_histograms
 from femimpact.figures.contacts import impulse_phase as impulse_phase
 from femimpact.figures.curves import convergence as convergence
 from femimpact.figures.curves import convergence_panels as convergence_panels
+from femimpact.figures.curves import damper_curve as damper_curve
 from femimpact.figures.curves import decay as decay
 from femimpact.figures.curves import response_columns as response_columns
 from femimpact.figures.curves import response_curve as response_curve

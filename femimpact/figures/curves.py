@@ -1,4 +1,4 @@
-"""Figures over parameters: response curves, damping over the amplitude, values over two of them, errors and orders."""
+"""Figures over parameters: response curves, damping over the amplitude, errors and orders, the curve of a damper."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.convergence.table import ConvergenceTable, is_finer
-from femimpact.errors import column, instance, optional, quantity, require, takes, text, truth
+from femimpact.errors import column, having, instance, optional, quantity, require, takes, text, truth
 from femimpact.figures.drawing import (
     COLOURS,
     DARK,
@@ -30,6 +30,7 @@ from femimpact.sweep.curve import ONE_START, FrequencyResponse, on_grid
 from femimpact.units import name_words, number_text, prefixed
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
@@ -430,3 +431,62 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float, number: in
     # its name is in the legend, where it lies on no curve
     dashes = (0, SLOPE_DASHES[int(number) % len(SLOPE_DASHES)])
     axis.loglog(x[drawn], line[drawn], linestyle=dashes, color=GREY, linewidth=1.2, label=f"reference: order {order:g}")
+
+
+OF_DAMPER = {
+    "loss": "loss per cycle / (m ω² A²)",
+    "effective_mass": "effective mass / m",
+    "found": "share of starts with an impact on each wall in every cycle",
+}
+"""Panels of the curve of a damper."""
+
+
+@takes(curve=having("a dataset of design.damper_curve", ("restitution", "amplitude_over_gap")), title=text())
+def damper_curve(
+    curve: xarray.Dataset, title: str = "", *, figure: FigureBase | OffScreen | None = None
+) -> NDArray[np.object_]:
+    """Loss and effective mass of a ball in a box over A/d, and the share of the starts that find both walls.
+
+    The closed form is a line where it is stable, and dashed where it is not. Circles are motions of runs, the larger
+    the more starts found them. A star is where from on all starts find an impact on each wall in every cycle.
+
+    Parameters
+    ----------
+    curve : xarray.Dataset
+        Of `design.damper_curve`.
+    title : str
+    figure : Figure, optional
+        Drawn on; a new one of pyplot's by default.
+
+    Returns
+    -------
+    ndarray (panels,) of Axes
+    """
+    shown = [name for name in OF_DAMPER if name in curve or f"motion_{name}" in curve]
+    axes: NDArray[np.object_] = panels(figure, 8.0, 3.2 * len(shown), len(shown), 1, sharex=True)[:, 0]
+    level = curve["amplitude_over_gap"].to_numpy()
+    for colour, (e, own) in zip(cycle(COLOURS), curve.groupby("restitution"), strict=False):
+        own = own.squeeze("restitution")
+        for axis, name in zip(axes, shown, strict=True):
+            runs = own.get(f"motion_{name}")
+            if name in own:
+                certain = own["stable"] if name != "found" else True
+                axis.plot(level, own[name].where(certain), color=colour, label=f"e = {e:g}")
+                axis.plot(level, own[name], "--", color=colour, linewidth=1.0)
+            if runs is not None:
+                at = own["amplitude_over_gap"].broadcast_like(runs)
+                size = 60.0 * own["motion_share"].fillna(0.0)
+                axis.scatter(at, runs, size, facecolors="none", edgecolors=colour, label=f"e = {e:g}, runs")
+            if "sure_from" in own and np.isfinite(own["sure_from"]):
+                star = (own[name] if runs is None else runs[:, 0]).sel(amplitude_over_gap=own["sure_from"])
+                look: Any = {"color": colour, "markersize": 15.0, "markeredgecolor": DARK, "zorder": 4.0}
+                label = f"from {float(own['sure_from']):.3g} on all starts find both walls"
+                axis.plot(own["sure_from"], star, "*", label=label, **look)
+    axes[0].set(xscale="log", yscale="log")
+    for axis, name in zip(axes, shown, strict=True):
+        x = "amplitude of the box over the gap, A/d" if name == shown[-1] else ""
+        label_axes(axis, x, OF_DAMPER[name], title if name == shown[0] else "")
+    plain_log_ticks(axes[0].xaxis)
+    plain_log_ticks(axes[0].yaxis)
+    legend_above(axes[0])
+    return axes

@@ -95,23 +95,6 @@ def in_shown_units(columns: Mapping[str, Any], units: Mapping[str, str]) -> tupl
     return scaled, {name: unit for name, (_, unit) in factors_and_units.items()}
 
 
-def case_columns(
-    dataset: xarray.Dataset,  # of `parameter_study`
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """A row for every case: values of the axes, then of the measures; and units."""
-    shape = dataset["finished"].shape
-    columns: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    for group in (dataset.coords, dataset.data_vars):
-        for name, values in group.items():
-            column = values.broadcast_like(dataset["finished"]).transpose(*dataset["finished"].dims)
-            columns[str(name)] = np.asarray(column.to_numpy()).reshape(int(np.prod(shape)))
-            unit = str(values.attrs.get("units", ""))
-            if unit and unit != "1":
-                units[str(name)] = unit
-    return columns, units
-
-
 def sample_axes(dataset: xarray.Dataset) -> list[str]:
     """Names of the coordinates over which a list or a sample of cases is drawn; of pairs of gaps the two sides."""
     return [str(name) for name in dataset.coords if name != "case" and f"{name}.plus" not in dataset.coords]

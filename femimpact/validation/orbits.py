@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femimpact.contact.laws import KelvinVoigt, Rigid
+from femimpact.design.ball import damper_curve
 from femimpact.excitation.drives import Drives, PointForce
 from femimpact.excitation.harmonic import Sine
 from femimpact.fem.assembly import assemble
@@ -127,32 +128,35 @@ def ball_in_a_box() -> Iterator[Case]:
         )  # fmt: skip
 
 
-# ---- a light ball --------------------------------------------------------------------------------
+# ---- a ball in a box whose motion is given ---------------------------------------------------------
+
+GIVEN_BOX = (
+    # restitution, amplitude over gap; loss per cycle over m w^2 A^2, effective mass over m: derived by hand
+    (0.6, 0.5, 3.380523548, 2.079039683),
+    (0.6, 0.25, 8.835629346, 2.532549222),
+    (0.8, 0.1, 20.457521895, 5.675926615),
+    (0.6, 0.5 / math.pi, 16.0, 0.0),
+)
 
 
-def light_ball() -> Iterator[Case]:
-    """Largest damping ratio that a light ball adds, over the mass ratio: (2/pi) (1 + e)/(1 - e).
-
-    It is reached at the amplitude 2 s/pi of the half clearance, s = (1 - e)/(1 + e): impacts fall
-    where the box is at its centre. A box that moves as a sine whatever the ball does is this limit.
-    """
-    for restitution in (0.3, 0.5, 0.7):
-        sigma, half, frequency = (1 - restitution) / (1 + restitution), 4e-3, 5.0
-        omega = 2 * math.pi * frequency
-        box = Sine(2 * sigma / math.pi * half, frequency, math.pi)
-        speed = 2 * half * omega / math.pi
-        # 1 % too fast, seen from the box
-        start = State(ball_displacement=[half], ball_velocity=[-1.01 * speed * (1 - sigma)])
-        run = integrate(
-            shaken_floor(Rigid(restitution), (half, half)), box, EventDriven(), 300 / frequency, initial=start
-        )
-        # a damping ratio z takes 2 pi z M w^2 a^2 in each cycle; the ball's mass here is 1
-        loss = 2 * float(run.impacts.energy_loss[-1])
-        yield Case(
-            f"light ball, e = {restitution:g}: largest damping", "derived here (slow invariant manifold)",
-            "damping ratio over mass ratio", "1", 2 / (math.pi * sigma),
-            loss / (2 * math.pi * (omega * box.amplitude) ** 2), 1e-10, "rounding; the start's 1 % have decayed",
-        )  # fmt: skip
+def given_box() -> Iterator[Case]:
+    """The curve of a damper beside its numbers, and runs beside it; the last point is that of the largest loss."""
+    for e, level, *known in GIVEN_BOX:
+        loss, mass = (float(damper_curve(level, e)[name].squeeze()) for name in ("loss", "effective_mass"))
+        k, name = (1 - e) / (1 + e), f"ball in a given box, e = {e:g}, A/d = {level:.4g}"
+        v = math.sqrt(loss / (4 * k))
+        # at the + wall, 1 % too fast
+        base = Sine(level, 5.0, math.atan2(math.pi / 2 * v - 1 / level, -k * v))
+        start = State(ball_displacement=[1.0], ball_velocity=[-1.01 * level * base.omega * v * (1 - k)])
+        run = integrate(shaken_floor(Rigid(e), (1.0, 1.0)), base, EventDriven(), 60.0, initial=start).impacts
+        taken = float(run.energy_loss[-2:].sum()) / (level * base.omega) ** 2
+        pushes = float(np.sum(run.side[-2:] * run.impulse[-2:] * np.sin(run.phase[-2:])))
+        of_runs = taken, 10.0 * pushes / (level * base.omega**2)
+        for word, number, *both in zip(("loss", "effective mass"), known, (loss, mass), of_runs, strict=True):
+            yield Case(
+                f"{name}: {word}", "derived here (half-cycle map)", f"{word} of the curve or a run, the worse", "1",
+                number, max(both, key=lambda one: abs(one - number)), 1e-9, "9 decimals of the numbers",
+            )  # fmt: skip
 
 
 # ---- branches --------------------------------------------------------------------------------------
@@ -547,7 +551,7 @@ def compliant_walls() -> Iterator[Case]:
 
 
 CASES: tuple[Callable[[], Iterator[Case]], ...] = (
-    stop_once_a_cycle, several_forces, ball_in_a_box, light_ball,
+    stop_once_a_cycle, several_forces, ball_in_a_box, given_box,
     *(partial(beside, compared) for compared in (*BOX, ONE_IMPACT, SPACE, SECOND_CYCLES)),
     space_clearance, second_harmonic, bifurcations_of_the_box, bifurcations_at_the_stop, neimark_sacker, of_a_beam,
     compliant_walls,

@@ -17,7 +17,8 @@ from femimpact.app.study.findings import START_WORDS, Findings, history_words
 from femimpact.contact.laws import Rigid
 from femimpact.convergence.table import ConvergenceTable
 from femimpact.excitation.drives import drive_words
-from femimpact.figures.study_labels import case_columns, in_shown_units
+from femimpact.figures.study_labels import in_shown_units
+from femimpact.files import dataset_columns
 from femimpact.orbits.figures import stable_ranges
 from femimpact.response.impacts import impact_columns
 from femimpact.signals.decay import DecayEstimate
@@ -167,7 +168,7 @@ def beside(record: Any, folder: bool = False) -> Iterator[tuple[str, Element]]:
         yield from (("decay", element("p", str(mode))) for mode in record.modes)
         yield "decay", table_element(table_of("Over the amplitude", *record.columns()))
     elif is_parameter_study(record):
-        yield "cases", table_element(case_table(*case_columns(record)))
+        yield "cases", table_element(case_table(*dataset_columns(record)))
 
 
 def is_parameter_study(part: Any) -> bool:

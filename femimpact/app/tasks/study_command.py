@@ -31,8 +31,7 @@ from femimpact.app.study.study import Study
 from femimpact.app.study.study_file import study_text, with_record
 from femimpact.app.tasks.task import Plan, study_files, write_files
 from femimpact.errors import Fault, InputError, faults_under, require
-from femimpact.figures.study_labels import case_columns
-from femimpact.files import atomic_write
+from femimpact.files import atomic_write, dataset_columns
 from femimpact.integrators.cases import cores
 from femimpact.integrators.methods import bytes_of_cycle, seconds_of_cycle
 from femimpact.response.response import Recorder
@@ -110,7 +109,7 @@ def write_parameter_study(
         dataset = run_parameter_study(
             definition, directory=directory, client=client, progress=progress, say=to_stderr if progress else None
         )
-    write_files(directory, study_files(study) | {"parameter_table": case_columns(dataset)})
+    write_files(directory, study_files(study) | {"parameter_table": dataset_columns(dataset)})
     plan: Any = study.plan
     best, _ = best_cases(dataset, plan.best)
     _write_best(definition, next(iter(best.values()), None), directory)

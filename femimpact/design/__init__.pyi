@@ -1,0 +1,1 @@
+from femimpact.design.ball import damper_curve as damper_curve
