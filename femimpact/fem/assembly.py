@@ -29,7 +29,7 @@ from femimpact.structure.structure import (
     unusual_numbers,
 )
 from femimpact.system.added_terms import add_terms
-from femimpact.system.contact_pair import ContactPair, contact_pair
+from femimpact.system.contact_pair import ContactPair, contact_pair, meeting_pairs
 from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import (
@@ -284,10 +284,11 @@ def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[Conta
     places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
     rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)
-    return tuple(
+    pairs = tuple(
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
+    return (*pairs, *meeting_pairs(structure.meetings, pairs))
 
 
 def _with_dashpots(system: System, grid: Discretisation) -> System:

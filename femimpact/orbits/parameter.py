@@ -101,8 +101,7 @@ def _refusal(system: System, path: str, known: list[str]) -> str:
 
 def _place(pair: ContactPair) -> str:
     """Path of a pair."""
-    owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
-    return f"{owner}.{pair.name}"
+    return f"{pair.kind}.{pair.name}"
 
 
 def _words(law: Any) -> str:
@@ -228,7 +227,9 @@ def _of_pair(
         if law is not None:
             hybrid_at, pair_at = partial(at_law, law=law, name=name), partial(with_law, law=law, name=name)
             yield parameter(f"contact.{name}", getattr(law, name), dict(item.metadata), hybrid_at, pair_at)
-    if not pair.is_stop:
+    # the law of balls that meet has numbers for their masses
+    meets = any(pair.name in other.between and not other.parameters.is_rigid for other in system.contacts)
+    if not pair.is_stop and not meets:
         yield parameter(
             "mass", pair.mass, quantity("kg", above=0.0), at_mass, lambda value: replace(pair, mass=value), True
         )

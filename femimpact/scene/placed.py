@@ -187,7 +187,8 @@ def placed_structure(structure: Structure, system: System | DrawnSystem) -> Plac
 
     return PlacedStructure(
         structure,
-        system.contacts,
+        # balls that meet are drawn as balls; the pair, which comes after all others, has no body
+        [pair for pair in system.contacts if not getattr(pair, "between", ())],
         tuple((support, place(support.at)) for support in structure.supports),
         tuple((body, place(body.at)) for body in structure.masses),
         tuple((item, tuple(map(place, ends.values()))) for _, item, ends in structure.connections),

@@ -88,7 +88,8 @@ def counts_of(system: System) -> dict[str, int]:
     """Numbers of balls, absorbers and stops."""
     counts = {"ball": 0, "absorber": 0, "stop": 0}
     for pair in system.contacts:
-        counts["stop" if pair.is_stop else "ball" if pair.has_walls else "absorber"] += 1
+        if not pair.between:
+            counts["ball" if pair.kind == "impactor" else pair.kind] += 1
     return counts
 
 

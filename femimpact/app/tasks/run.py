@@ -318,7 +318,7 @@ def _details(prepared: PreparedStudy) -> Iterator[str]:
     if study.structure.gravity:
         yield f"gravity: {study.structure.gravity:g} m/s^2 along the deflection"
     for pair in prepared.small.contacts:
-        if not pair.has_walls:
+        if pair.kind == "absorber":
             tuned = math.sqrt(pair.free_stiffness / pair.mass)
             yield (
                 f"absorber {pair.name}: {1e3 * pair.mass:.4g} g, {tuned / (2.0 * math.pi):.5g} Hz on a structure at "
