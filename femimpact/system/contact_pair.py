@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from femimpact.arrays import Array, own
 from femimpact.contact.law import ContactLaw, require_law, resolve
@@ -192,6 +193,16 @@ def contact_pair(
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
     return pair
+
+
+def meetings_of(contacts: Sequence[Any]) -> dict[int, tuple[int, int]]:
+    """Of contacts that are balls that meet, by their number: those of the two balls."""
+    numbers = {contact.name: j for j, contact in enumerate(contacts)}
+    return {
+        j: (numbers[contact.between[0]], numbers[contact.between[1]])
+        for j, contact in enumerate(contacts)
+        if contact.between
+    }
 
 
 def root_mobility(balls: Sequence[ContactPair]) -> float:

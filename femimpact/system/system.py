@@ -40,7 +40,7 @@ from femimpact.errors import (
 )
 from femimpact.excitation.excitation import LineLoad
 from femimpact.structure.structure import Absorber, Impactor, Meeting, Position, Stop, check_meetings
-from femimpact.system.contact_pair import ContactPair, contact_pair, meeting_pairs
+from femimpact.system.contact_pair import ContactPair, contact_pair, meeting_pairs, meetings_of
 from femimpact.system.hermite import (
     DERIVATIVE,
     OFF_BEAM,
@@ -335,9 +335,7 @@ class System:
     @property
     def meetings(self) -> dict[int, tuple[int, int]]:
         """Of the pairs that are balls that meet, by their number: those of the two balls."""
-        of_ball = {pair.name: j for j, pair in enumerate(self.balls)}
-        between = {j: pair.between for j, pair in enumerate(self.contacts) if pair.between}
-        return {j: (of_ball[first], of_ball[second]) for j, (first, second) in between.items()}
+        return meetings_of(self.contacts)
 
     @cached_property
     def default_place(self) -> str:

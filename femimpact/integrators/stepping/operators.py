@@ -159,11 +159,10 @@ def check_step(method: SteppingMethod, system: System) -> tuple[str, ...]:
 def _check_laws(system: System, method: SteppingMethod) -> None:
     """Refuse a rigid contact without impulses, and a compliant one with them."""
     name, impulses = type(method).__name__, scheme_of(method).rigid
+    meetings = ", ".join(pair.name for pair in system.contacts if pair.between)
+    allowed = f"must not be there for {name}: balls that meet, with Rigid or KelvinVoigt walls, are for EventDriven()"
+    require(not meetings, "meeting", meetings, "", allowed)
     for pair in system.contacts:
-        allowed = (
-            f"must not be there for {name}: balls that meet, with all walls Rigid or KelvinVoigt, are for EventDriven()"
-        )
-        require(not pair.between, "meeting", pair.name, "", allowed)
         if not pair.has_walls:
             continue
         rigid = pair.parameters.kind == RIGID
