@@ -16,7 +16,7 @@ from skfem.helpers import dd, ddot
 
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
-from femimpact.fem.discretisation import Discretisation, discretise, kind_of
+from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.structure import (
     SUPPORTS,
@@ -281,7 +281,7 @@ def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[Conta
     """The pairs of balls, absorbers and stops, with what they take from stiffness and first mode."""
     structure = grid.structure
     items: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
-    places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
+    places = [grid.position_of(item.at, f"{type(item).__name__.lower()}.{item.name}.at") for item in items]
     rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)
     pairs = tuple(

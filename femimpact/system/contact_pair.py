@@ -11,18 +11,7 @@ from typing import Any
 from femimpact.arrays import Array, own
 from femimpact.contact.law import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters, NoWalls
-from femimpact.errors import (
-    changed,
-    check_fields,
-    choice,
-    column,
-    made,
-    name_text,
-    quantity,
-    require,
-    require_type,
-    text,
-)
+from femimpact.errors import changed, check_fields, choice, column, made, name_text, quantity, require, require_type
 from femimpact.structure.structure import (
     Absorber,
     Impactor,
@@ -81,7 +70,7 @@ class ContactPair:
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
     fixed_to: str = field(default="base", metadata=choice("base", "space"))
     free_damping: float = field(default=0.0, metadata=quantity("N s/m", at_least=0.0))
-    between: tuple[str, ...] = field(default=(), metadata=text(several=True))
+    between: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -160,10 +149,10 @@ class ContactPair:
 
 
 def contact_pair(
-    item: Impactor | Absorber | Stop, row: Array, position: float, first_mode: float, flexibility: float,
+    item: Impactor | Absorber | Stop | Meeting, row: Array, position: float, first_mode: float, flexibility: float,
     gravity: float = 0.0,
 ) -> ContactPair:  # fmt: skip
-    """The pair of an impactor, an absorber or a stop, its law resolved for the first mode's mass.
+    """The pair of an impactor, an absorber, a stop or a meeting, its law resolved for the first mode's mass.
 
     The row (dofs,) reads the structure's displacement at the position (m); the first mode there is mass-normalised
     (kg^-0.5), the flexibility is in m/N, and gravity (m/s^2) is added to the acceleration of a ball.
@@ -180,7 +169,7 @@ def contact_pair(
         name=item.name,
         direction=own(-row if stop else row),
         position=position,
-        mass=math.inf if isinstance(item, Stop) else item.mass,
+        mass=math.inf if isinstance(item, Stop | Meeting) else item.mass,
         gaps=item.gaps,
         law=item.contact,
         first_mode=first_mode,
@@ -189,6 +178,7 @@ def contact_pair(
         acceleration=acceleration,
         fixed_to=stop.fixed_to if stop else "base",
         free_damping=damping,
+        between=item.between if isinstance(item, Meeting) else (),
     )
     # a law that has no numbers for this mass is refused here, not in the middle of a run
     require_type(pair.parameters, ContactParameters, "parameters")
@@ -198,11 +188,8 @@ def contact_pair(
 def meetings_of(contacts: Sequence[Any]) -> dict[int, tuple[int, int]]:
     """Of contacts that are balls that meet, by their number: those of the two balls."""
     numbers = {contact.name: j for j, contact in enumerate(contacts)}
-    return {
-        j: (numbers[contact.between[0]], numbers[contact.between[1]])
-        for j, contact in enumerate(contacts)
-        if contact.between
-    }
+    between = {j: contact.between for j, contact in enumerate(contacts) if contact.between}
+    return {j: (numbers[first], numbers[second]) for j, (first, second) in between.items()}
 
 
 def root_mobility(balls: Sequence[ContactPair]) -> float:
@@ -212,24 +199,11 @@ def root_mobility(balls: Sequence[ContactPair]) -> float:
 
 def meeting_pairs(meetings: Sequence[Meeting], pairs: Sequence[ContactPair]) -> tuple[ContactPair, ...]:
     """The pairs of balls that meet, which have no share in the structure; `pairs` has those of the balls."""
-    balls, contacts = {pair.name: pair for pair in pairs}, list[ContactPair]()
-    for item in meetings:
-        of_pair = [balls[name] for name in item.between]
-        contacts.append(
-            made(
-                ContactPair,
-                name=item.name,
-                direction=own(0.0 * of_pair[0].direction),
-                position=of_pair[0].position,
-                mass=math.inf,
-                gaps=item.gaps,
-                law=item.contact,
-                first_mode=root_mobility(of_pair),
-                between=item.between,
-            )
-        )
-        require_type(contacts[-1].parameters, ContactParameters, "parameters")
-    return tuple(contacts)
+    met = [[pair for pair in pairs if pair.name in item.between] for item in meetings]
+    return tuple(
+        contact_pair(item, 0.0 * balls[0].direction, balls[0].position, root_mobility(balls), math.nan)
+        for item, balls in zip(meetings, met, strict=True)
+    )
 
 
 def pair_along(pair: ContactPair, direction: Array) -> ContactPair:

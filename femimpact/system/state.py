@@ -408,9 +408,7 @@ class State:
             reach = f"{-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
             allowed = f"must start between its walls, {reach}; it is {own}the beam's displacement there"
             if pair.between:
-                allowed = (
-                    f"must be at most {pair.gaps[0]:g} m; it is y of {pair.between[0]} less y of {pair.between[1]}"
-                )
+                allowed = f"must be at most {pair.gaps[0]:g} m; it is y of {' less y of '.join(pair.between)}"
             inside = -pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate

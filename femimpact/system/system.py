@@ -304,7 +304,10 @@ class System:
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
         items = (*impactors, *absorbers, *stops)
-        first, contacts = _contacts_of_matrices(bare, dense, rank, items, [item.name for item in meetings])
+        names = [item.name for item in (*items, *meetings)]
+        distinct = len({*names, *points}) == len(names) + len(points)
+        require(distinct, "name", names, "", "must be distinct, and not the name of a point")
+        first, contacts = _contacts_of_matrices(bare, dense, rank, items)
         contacts += meeting_pairs(meetings, contacts)
         return with_checked_fields(bare, first_frequency=first, contacts=contacts)
 
@@ -607,12 +610,8 @@ def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any, meetin
     for name in points:
         checked("points", name, name_text())
     parts: tuple[tuple[str, Any, Any], ...]
-    parts = (
-        ("impactors", impactors, Impactor),
-        ("absorbers", absorbers, Absorber),
-        ("stops", stops, Stop),
-        ("meetings", meetings, Meeting),
-    )
+    parts = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
+    parts += (("meetings", meetings, Meeting),)
     for key, bodies, kind in parts:
         require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
         for item in bodies:
@@ -636,20 +635,13 @@ def _place_of_row(row: Array, nodes: Array, expansion: Matrix) -> float:
 
 
 def _contacts_of_matrices(
-    system: System,
-    dense: Mapping[str, Array],
-    rank: int,
-    items: Sequence[Impactor | Absorber | Stop],
-    others: Sequence[str],  # names of the meetings
+    system: System, dense: Mapping[str, Array], rank: int, items: Sequence[Impactor | Absorber | Stop]
 ) -> tuple[float, tuple[ContactPair, ...]]:
     """First natural frequency (Hz) of a system given by matrices, and its contact pairs."""
     omega_squared, vectors = scipy.linalg.eigh(dense["K"], dense["M"])
     elastic = rank == system.dofs
     # equal parts share the lowest frequency: what their modes have at a place together does not hang on their choice
     lowest = vectors[:, omega_squared <= omega_squared[0] * (1.0 + ALIKE)]
-    names = [*(item.name for item in items), *others]
-    distinct = len({*names, *system.points}) == len(names) + len(system.points)
-    require(distinct, "name", names, "", "must be distinct, and not the name of a point")
     contacts = []
     for item in items:
         require(item.at in system.points, f"{item.name}.at", item.at, "", suggestion(str(item.at), system.points))
