@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import paper_study, plain_study
+from builders import paper_study, plain_study, read_study, same_study, study_text
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import femimpact as fi
 
 pytestmark = pytest.mark.impacts
 
-STILL = fi.Sine(0.0, 1.0)
+STILL, PATH = fi.Sine(0.0, 1.0), Path("study.toml")
 
 
 def chain(count, gap=3e-3, restitution=0.8, masses=None, at="wall", law=None):
@@ -219,9 +223,222 @@ def test_bad_meetings_are_refused_in_one_line(changes, said):
     assert "\n" not in str(error.value)
 
 
-def test_step_methods_refuse_balls_that_meet():
-    with pytest.raises(fi.InputError, match="EventDriven"):
-        fi.integrate(box(2), STILL, fi.MoreauJean(1e-3), 1.0)
+@pytest.mark.parametrize("law", [fi.Hertz(1e9), fi.contact.SwitchingSpring(10.0, 1e4)], ids=lambda law: law.name)
+def test_a_meeting_takes_the_laws_that_its_method_takes(law):
+    with pytest.raises(fi.InputError, match=f"contact = '{law.name}': must be Rigid or KelvinVoigt"):
+        fi.Meeting("ab", ("a", "b"), 3e-3, law)
+
+
+@pytest.mark.parametrize("method", [fi.MoreauJean(1e-3), fi.Newmark(1e-4)], ids=lambda method: type(method).__name__)
+def test_step_methods_refuse_balls_that_meet(method):
+    with pytest.raises(fi.InputError, match=r"meeting = 'ab, bc': .*EventDriven\(\)"):
+        fi.integrate(box(3), STILL, method, 1.0)
+
+
+def test_a_state_in_which_balls_have_passed_is_refused():
+    with pytest.raises(fi.InputError, match=r"ab.gap = 0.004 m: must be at most 0.003 m; it is y of a less y of b"):
+        fi.integrate(box(2), STILL, fi.EventDriven(), 1.0, initial=fi.State(ball_displacement=[2e-3, -2e-3]))
+
+
+@pytest.mark.parametrize(
+    ("law", "e"),
+    [
+        (fi.KelvinVoigt(restitution=0.6, contact_time=2e-3), 0.6),
+        (fi.KelvinVoigt(stiffness=1e4, damping=0.0), 1.0),
+        # straight between 1 and 0.5 at 0 and 2 m/s
+        (fi.Rigid(0.8, over_speed=[(0.0, 1.0), (2.0, 0.5)]), 0.8 * 0.75),
+        (fi.Rigid(0.6, at_speed=0.1, exponent=-0.25, at_most=0.95), 0.6 * 10.0**-0.25),
+    ],
+    ids=["Kelvin-Voigt", "spring", "over speed", "power of the speed"],
+)
+def test_two_balls_part_with_the_restitution_of_their_law(law, e):
+    masses = [0.01, 0.004]
+    run = thrown(2, 1e-3, 1.0, duration=0.6, masses=masses, law=law)
+    first, second = run.final_state.ball_velocity
+    assert second - first == pytest.approx(e, rel=1e-12)
+    assert masses[0] * first + masses[1] * second == pytest.approx(masses[0], rel=1e-13)
+    # of the relative motion, whose mass is that of both balls
+    lost = 0.5 * (1 - e**2) / (1 / masses[0] + 1 / masses[1])
+    assert run.energy.contact_loss[-1] == pytest.approx(lost, rel=1e-11, abs=1e-16)
+    assert run.energy.residual < 1e-12
+
+
+def test_balls_of_springs_that_touch_move_as_their_equations_say():
+    # three balls in a row on springs that only push, the first struck: once more by a general integrator
+    k, m = 1e4, [0.01, 0.02, 0.005]
+    run = thrown(3, 0.0, 1.0, duration=0.05, touching=True, masses=m, law=fi.KelvinVoigt(stiffness=k, damping=0.0))
+
+    def rate(_, z):
+        push = k * np.maximum(-np.diff(z[:3]), 0.0)
+        return np.concatenate([z[3:], np.array([-push[0], push[0] - push[1], push[1]]) / m])
+
+    own = solve_ivp(rate, (0.0, 0.05), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-15, max_step=1e-5)
+    np.testing.assert_allclose(run.final_state.ball_velocity, own.y[3:, -1], rtol=0, atol=1e-8)
+
+
+def test_forces_between_balls_leave_the_structure_and_its_mass_alone():
+    balls, meetings = chain(3, at="tip", law=fi.KelvinVoigt(restitution=0.6, contact_time=2e-3))
+    beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    full = fi.assemble(fi.Structure(beam, impactors=balls, meetings=meetings), elements=10)
+    apart = fi.assemble(fi.Structure(beam, impactors=balls), elements=10)
+    assert full.total_mass == apart.total_mass
+    system = fi.reduce(full, modes=3)
+    channels = (
+        "a.contact_force",
+        "ab.contact_force",
+        "bc.contact_force",
+        "c.contact_force",
+        "b.acceleration",
+        "shaker_force",
+    )
+    # the balls meet, and no wall
+    start = fi.State(ball_velocity=[1.0, 0.0, 0.0])
+    run = fi.integrate(system, fi.Rest(), fi.EventDriven(), 8e-3, fi.Recorder(channels, interval=2e-5), start)
+    a, ab, bc, c, acceleration, shaker = (run[name] for name in channels)
+    assert not a.any()
+    assert not c.any()
+    assert ab.max() > 1.0
+    # the force on the second is positive; the middle ball has the difference of both
+    assert ab.min() >= 0.0
+    np.testing.assert_allclose(0.01 * acceleration, ab - bc, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(shaker, 0.0, rtol=0, atol=1e-12)
+
+
+def test_an_orbit_of_balls_that_meet_has_the_multipliers_of_runs():
+    system, base, step = box(2, restitution=0.5), fi.Sine(4e-3, 5.0), 1e-8
+    orbit = fi.find_orbit(system, base, guess=fi.integrate(system, base, fi.EventDriven(), 80.0))
+    assert {system.contacts[j].name for j in orbit.events.pair} == {"a", "b", "ab"}
+    state = orbit.state
+
+    def end_of(z):
+        u, y, v, rate = np.split(z, [1, 3, 4])
+        moved = state.displacement + u, state.velocity + v, state.ball_displacement + y, state.ball_velocity + rate
+        end = fi.integrate(system, base, fi.EventDriven(), 0.2, initial=fi.State(*moved, time=state.time)).final_state
+        return np.concatenate([end.displacement, end.ball_displacement, end.velocity, end.ball_velocity])
+
+    own = np.array([end_of(step * one) - end_of(-step * one) for one in np.eye(6)]).T / (2 * step)
+    of_runs = np.sort(np.abs(np.linalg.eigvals(own)))
+    np.testing.assert_allclose(np.sort(np.abs(orbit.multipliers)), of_runs, rtol=0, atol=1e-4)
+    # that of the box, which is given, are 1
+    assert 0.1 < of_runs[-3] < 0.99
+    with pytest.raises(fi.InputError, match=r"3 pairs with walls.*: must have one ball or stop"):
+        fi.orbits.two_impact_orbits(system, base)
+    branch = fi.continue_orbit(orbit, "meeting.ab.gap", (2.9e-3, 3.1e-3))
+    assert branch.values.max() == pytest.approx(3.1e-3)
+
+
+def structure_of_three():
+    """The paper's beam with three balls of 2, 1 and 2 g in its box."""
+    balls, meetings = chain(3, at="tip", restitution=0.6, masses=[2e-3, 1e-3, 2e-3])
+    beam = fi.Beam.uniform(length=0.23, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)
+    box = fi.PointMass("box", "tip", 0.023)
+    return fi.Structure(beam, [box], balls, fi.Rayleigh(0.003, (1, 2)), meetings=meetings)
+
+
+STUDY = """
+[beam]
+length = "230 mm"
+width = "20 mm"
+thickness = "1 mm"
+young_modulus = "70 GPa"
+density = 2700
+[mesh]
+elements = 10
+[[mass]]
+name = "box"
+at = "tip"
+mass = "23 g"
+[[impactor]]
+name = "a"
+at = "tip"
+mass = "2 g"
+gap = [inf, "3 mm"]
+contact = { law = "rigid", restitution = 0.6 }
+[[impactor]]
+name = "b"
+at = "tip"
+mass = "1 g"
+gap = inf
+contact = { law = "rigid", restitution = 0.6 }
+[[impactor]]
+name = "c"
+at = "tip"
+mass = "2 g"
+gap = ["3 mm", inf]
+contact = { law = "rigid", restitution = 0.6 }
+[[meeting]]
+name = "ab"
+between = ["a", "b"]
+gap = "3 mm"
+contact = { law = "rigid", restitution = 0.6 }
+[[meeting]]
+name = "bc"
+between = ["b", "c"]
+gap = "3 mm"
+contact = { law = "kelvin-voigt", restitution = 0.6, contact_time = "2 ms" }
+[damping]
+ratio = 0.003
+modes = [1, 2]
+[reduction]
+modes = 2
+[base]
+amplitude = "1 mm"
+frequency = "5.3 Hz"
+[method]
+name = "event-driven"
+"""
+
+
+def test_a_study_file_says_with_units_which_balls_meet():
+    study = read_study(STUDY, PATH)
+    law = fi.KelvinVoigt(restitution=0.6, contact_time=2e-3)
+    expected = replace(structure_of_three(), meetings=(
+        fi.Meeting("ab", ("a", "b"), 3e-3, fi.Rigid(0.6)), fi.Meeting("bc", ("b", "c"), 3e-3, law),
+    ))  # fmt: skip
+    assert study.structure.meetings == expected.meetings
+    assert [ball.gaps for ball in study.structure.impactors] == [ball.gaps for ball in expected.impactors]
+    assert same_study(read_study(study_text(study), PATH), study)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('between = ["a", "b"]', 'between = ["a", "a"]', r"meeting.ab.between = 'a, a': must be the names of two"),
+        ('between = ["a", "b"]', 'between = ["a", "z"]', r"meeting.ab.between = 'z': "),
+        (
+            'gap = "3 mm"\ncontact = { law = "kelvin',
+            'gap = "-3 mm"\ncontact = { law = "kelvin',
+            r"meeting.bc.gap = -0.003 m",
+        ),
+        ('contact_time = "2 ms"', "stiffness = 1e3, damping = 2.0", r"meeting.bc.contact"),
+        (
+            '"kelvin-voigt", restitution = 0.6',
+            '"kelvin-voigt", restitution = 1.6',
+            r"meeting.bc.contact.restitution = 1.6",
+        ),
+    ],
+)
+def test_a_wrong_meeting_of_a_study_file_is_one_line(old, new, said):
+    assert STUDY.count(old) == 1
+    with pytest.raises(fi.InputError, match=said) as error:
+        read_study(STUDY.replace(old, new), PATH)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_study_over_gap_law_and_mass_has_the_numbers_of_single_runs():
+    axes = {
+        "meeting.ab.gap": [1e-3, 3e-3],
+        "meeting.bc.contact.restitution": [0.4, 0.6],
+        "impactor.b.mass": [1e-3, 2e-3],
+    }
+    table = fi.parameter_study(read_study(STUDY, PATH), axes, ["peak"], cycles=6)
+    for gap, e, mass in itertools.product(*axes.values()):
+        text = STUDY.replace('"1 g"', str(mass)).replace('voigt", restitution = 0.6', f'voigt", restitution = {e}')
+        text = text.replace('"b"]\ngap = "3 mm"', f'"b"]\ngap = {gap}')
+        system = fi.reduce(fi.assemble(read_study(text, PATH).structure, elements=10), modes=2)
+        one = fi.frequency_sweep(system, 1e-3, [5.3], fi.EventDriven(), cycles=6)
+        case = dict(zip(axes, (gap, e, mass), strict=True))
+        assert float(table["peak"].sel(case)) == pytest.approx(one.peak[0], rel=1e-9)
 
 
 def test_a_field_at_its_default_is_not_in_the_key_of_a_study():

@@ -174,7 +174,8 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
         require(not isinstance(elements, Mesh), "elements", kind, "", "must be a whole number; pass a mesh as mesh=")
         mesh = uniform_mesh(structure, elements)  # type: ignore[arg-type]
     _check_length(structure.beam, mesh)
-    for item in (*structure.impactors, *structure.absorbers, *structure.stops, *structure.meetings):
+    bodies: tuple[Any, ...] = (*structure.impactors, *structure.absorbers, *structure.stops, *structure.meetings)
+    for item in bodies:
         key, allowed = f"{type(item).__name__.lower()}.{item.name}.name", "must not be the name of a point of the mesh"
         require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of

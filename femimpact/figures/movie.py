@@ -426,8 +426,8 @@ def _history(axis: Any, film: Film, j: int) -> None:
     snapshots, balls, impacts = film.snapshots, film.response.system.balls, film.response.impacts
     time, pair = snapshots.time, balls[j]
     wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
-    met = any(j in balls for balls in film.response.system.meetings.values())
     inside, contacts = [wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0]], film.response.system.contacts
+    names = [one.name for one in contacts if pair.name in (one.name, *one.between)]
     for k, (first, second) in film.response.system.meetings.items():
         gap = 1e3 * contacts[k].gaps[0]
         if j == second:
@@ -436,11 +436,10 @@ def _history(axis: Any, film: Film, j: int) -> None:
             inside[1] = np.minimum(inside[1], 1e3 * snapshots.ball_displacement[:, second] + gap)
     place = name_at(film.response.system, pair) or "beam at the box"
     if np.isfinite(inside).all():
-        axis.fill_between(time, *inside, color="#e6eaee", label="free space" if met else "between the walls")
+        axis.fill_between(time, *inside, color="#e6eaee", label="free space" if len(names) > 1 else "between the walls")
     axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
     axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
     if pair.kind != "absorber":
-        names = [one.name for one in contacts if pair.name in (one.name, *one.between)]
         at = impacts.time[np.isin(impacts.impactor, names) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
         axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
     if len(balls) > 1:

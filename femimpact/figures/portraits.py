@@ -165,7 +165,7 @@ def motion(
         If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
-    pairs = [pair for pair in response.system.contacts if not pair.between] or [None]
+    pairs: list[Any] = [pair for pair in response.system.contacts if not pair.between] or [None]
     # before a figure is made: a channel may be missing
     rows = [ContactRow(response, pair) for pair in pairs]
     axes = panels(figure, 11.0, 2.5 * len(rows) + 0.8, len(rows), 2, sharex="col", width_ratios=(1.0, 1.3))

@@ -303,8 +303,8 @@ class System:
             directions=rows,
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
-        items = (*impactors, *absorbers, *stops)
-        names = [item.name for item in (*items, *meetings)]
+        items: tuple[Impactor | Absorber | Stop, ...] = (*impactors, *absorbers, *stops)
+        names = [*(item.name for item in items), *(item.name for item in meetings)]
         distinct = len({*names, *points}) == len(names) + len(points)
         require(distinct, "name", names, "", "must be distinct, and not the name of a point")
         first, contacts = _contacts_of_matrices(bare, dense, rank, items)
