@@ -21,6 +21,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PAGES = (
     "README",
+    "balls_that_meet",
     "calibration",
     "course",
     "measured_base",

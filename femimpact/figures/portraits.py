@@ -244,7 +244,7 @@ class ContactRow:
             axis.fill_between(time, *edges, color=FREE, linewidth=0.0, label="between the walls")
         for edge, gap in zip(edges, (plus, minus), strict=True):
             if math.isfinite(gap):
-                label = None if both else self.pair.name
+                label = None if both else self.pair.name if self.ball is None else "wall"
                 axis.plot(time, edge, color=WALL, linewidth=0.8 if both else 2.0, label=label)
 
     def _impacts(self, axis: Any, start: float) -> None:
