@@ -16,6 +16,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import femimpact as fi
+from femimpact.app.report import player
+from femimpact.app.report.structure_drawing import structure_element, structure_words
+from femimpact.scene.placed import placed_structure
+from femimpact.scene.scene import BALL, BOX, build_scene
 
 pytestmark = pytest.mark.impacts
 
@@ -439,6 +443,79 @@ def test_a_study_over_gap_law_and_mass_has_the_numbers_of_single_runs():
         one = fi.frequency_sweep(system, 1e-3, [5.3], fi.EventDriven(), cycles=6)
         case = dict(zip(axes, (gap, e, mass), strict=True))
         assert float(table["peak"].sel(case)) == pytest.approx(one.peak[0], rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """A run of three balls, and its structure."""
+    structure = structure_of_three()
+    system = fi.reduce(fi.assemble(structure, elements=10), modes=2)
+    record = fi.Recorder(("tip", "a", "b", "c"), snapshots=1, snapshots_start=2.2)
+    return fi.integrate(system, fi.Sine(1e-3, 5.3), fi.EventDriven(128), 2.4, record), structure
+
+
+@pytest.mark.parametrize("exaggeration", [1.0, 3.0])
+def test_drawn_balls_touch_where_they_meet_and_at_their_walls(drawn, exaggeration):
+    run, structure = drawn
+    scene = build_scene(structure, run.system, exaggeration)
+    first = dict(zip([(body.part, body.pair, body.side) for body in scene.bodies], scene.bodies, strict=True))
+    spheres = [first[BALL, j, 0] for j in range(3)]
+    tops = [body.points[:, 1].max() for body in spheres]
+    bottoms = [body.points[:, 1].min() for body in spheres]
+    # at rest the surfaces are a gap apart, of balls of different sizes too, and as far from both walls
+    apart = exaggeration * 3e-3
+    lower, upper = first[BOX, 0, -1].points[:, 1].max(), first[BOX, 2, 1].points[:, 1].min()
+    for below, above in ((lower, bottoms[0]), (tops[0], bottoms[1]), (tops[1], bottoms[2]), (tops[2], upper)):
+        assert above - below == pytest.approx(apart, rel=1e-12)
+    assert lower == pytest.approx(-upper, rel=1e-12)
+    # no wall between balls
+    assert {(j, side) for part, j, side in first if part == BOX and side} == {(0, -1), (2, 1)}
+
+
+def test_vtk_has_the_impulse_between_balls_on_both(drawn, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    run, structure = drawn
+    reader = pyvista.get_reader(fi.vtk.write_deflection(tmp_path / "run.pvd", run, structure, most=60))
+    met = []
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        mesh = reader.read()[0]
+        impulse = mesh["contact_impulse_vector"][:, 1]
+        if "a meets b" in str(mesh.field_data["name"][0]) and np.count_nonzero(impulse) == 2:
+            met.append((time, impulse[impulse != 0.0], str(mesh.field_data["contacts"][0])))
+            place = mesh.warp_by_vector("displacement").points[impulse != 0.0]
+            assert place[0, 1] == pytest.approx(place[1, 1], abs=1e-7)
+    assert met
+    of_run = run.impacts.impulse[run.impacts.impactor == "ab"]
+    for _, impulse, words in met:
+        assert words.startswith("ab of a and b: impulse")
+        # on the first of them downwards
+        assert impulse[0] == -impulse[1] < 0.0
+        assert np.abs(of_run - impulse[1]).min() < 1e-12
+    # states at impacts, taken on from a snapshot, meet the next one
+    assert float(mesh.field_data["impact_state_mismatch"][0]) < 1e-9
+
+
+def test_player_and_overview_show_balls_beside_one_another(drawn):
+    run, structure = drawn
+    frames = player.frames_of(run)
+    placed = placed_structure(structure, run.system)
+    contacts = player._data(frames, placed, 3.0)["contacts"]
+    assert [one["met"] for one in contacts] == [[1], [0, 2], [1]]
+    low, middle, high = (one["beside"] for one in contacts)
+    assert middle == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert low == pytest.approx([-y for y in high])
+    assert high[0] - high[1] == pytest.approx(2 * 3e-3)
+    # an impact between balls is one of both, at no wall
+    number = [pair.name for pair in run.system.contacts].index("ab")
+    inside = run.impacts.time >= run.snapshots.time[0]
+    between = np.count_nonzero(run.impacts.impactor[inside] == "ab")
+    assert number == 3
+    assert len([one for one in frames.impacts if one[1:] == (0, 0)]) == between > 0
+    words = "".join(structure_element(placed).itertext())
+    assert "a and b meet, gap 3 mm, rigid" in words
+    assert "3 balls" in structure_words(structure, run.system.contacts)
+    assert "stop" not in structure_words(structure, run.system.contacts)
 
 
 def test_a_field_at_its_default_is_not_in_the_key_of_a_study():
