@@ -454,6 +454,28 @@ def drawn():
     return fi.integrate(system, fi.Sine(1e-3, 5.3), fi.EventDriven(128), 2.4, record), structure
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_stack_that_lies_on_a_shaken_floor_leaves_it_where_one_ball_does(restitution):
+    # in flight no force is between its balls, whatever their masses: rounding must not part them again and again
+    law, base = fi.Rigid(restitution), fi.Sine(2e-3, 20.0)
+    floors = {"a": (math.inf, 0.0), "b": math.inf, "c": math.inf}
+    balls = [fi.Impactor(x, "floor", 0.01 / (1 + i), gap, law, acceleration=-9.81)
+             for i, (x, gap) in enumerate(floors.items())]  # fmt: skip
+    met = [fi.Meeting(x + y, (x, y), 0.0, law) for x, y in ("ab", "bc")]
+    matrices = [[1.0]], [[0.0]], [[1e4]]
+    start = {"points": {"floor": [0.0]}, "base_load": [0.0]}
+    stack = fi.System.from_matrices(*matrices, **start, impactors=balls, meetings=met)
+    single = fi.System.from_matrices(*matrices, **start, impactors=balls[:1])
+    record = fi.Recorder(("a", "a.contact_force"), interval=1e-3)
+    runs = [fi.integrate(system, base, fi.EventDriven(), 0.4, record) for system in (stack, single)]
+    of_floor = [run.impacts.time[run.impacts.impactor == "a"] for run in runs]
+    assert of_floor[0].size > 4
+    np.testing.assert_allclose(*of_floor, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(runs[0]["a"], runs[1]["a"], rtol=0, atol=1e-11)
+    # the floor carries all three
+    np.testing.assert_allclose(runs[0]["a.contact_force"], (1 + 1 / 2 + 1 / 3) * runs[1]["a.contact_force"], atol=1e-9)
+
+
 @pytest.mark.parametrize("exaggeration", [1.0, 3.0])
 def test_drawn_balls_touch_where_they_meet_and_at_their_walls(drawn, exaggeration):
     run, structure = drawn

@@ -180,8 +180,7 @@ def box_of_ball(j: int, ball: Contact, placed: PlacedStructure, width: float, ex
     """The walls that a ball can meet and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
     x, radius = ball.position, ball_radius(ball.mass)
     wall, floor = 0.3 * radius, 0.5 * width
-    inner, (left, right) = placed.inner_faces(ball, exaggeration), placed.box_ends(ball)
-    top = floor + wall + 2.0 * radius
+    inner, (left, right), top = placed.inner_faces(ball, exaggeration), placed.box_ends(ball), floor + wall + 2 * radius
     blocks = {
         1: _block((left, inner[0], floor), (right, inner[0] + wall, top)),
         -1: _block((left, inner[1] - wall, floor), (right, inner[1], top)),

@@ -307,9 +307,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Contact of two balls that move in one box, or in boxes at one place of the beam.
-
-    The second stands on the + side of the first: they touch at y_a - y_b = gap, each from the middle of its box.
+    """Contact of two balls in one box, or in boxes at one place of the beam: they touch at y_a - y_b = gap.
 
     Parameters
     ----------

@@ -583,8 +583,12 @@ def _with_sticking(
     )
     force.weight[:, sticking] = project @ left
     force.rigid_body[:, sticking] = force.rigid_body_rate[:, sticking] = 0.0
-    force.constant[:, sticking] = project @ constant
-    force.apart[:, sticking] = project @ apart
-    force.through[:, :, sticking] = through @ project.mT
-    force.follow[:, :, sticking] = follow @ project.mT
+    # balls that fly on together press on one another by rounding alone
+    met = (sticking >= M.shape[1] - equations.dofs) & ~equations.stop[sticking]
+    weight = np.where(met[:, None], np.abs(project), 0.0)
+    of_loads, of_drive = weight @ np.abs(loads.constant), _times(weight, np.abs(loads.drive).max(axis=1))[:, None]
+    force.constant[:, sticking] = _without_rounding(project @ constant, of_loads)
+    force.apart[:, sticking] = _without_rounding(project @ apart, of_loads)
+    force.through[:, :, sticking] = _without_rounding(through @ project.mT, of_drive)
+    force.follow[:, :, sticking] = _without_rounding(follow @ project.mT, of_drive)
     return force
