@@ -38,6 +38,14 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slope_of_a_rebound", "(1.0 + restitution + change)[:, None]", "(1.0 + restitution)[:, None]"),
         Mutation("piece_of_a_speed", "slopes, strict=False)]", "slopes[::-1], strict=False)]"),
     ),
+    "test_meetings.py": (
+        Mutation("mass_of_a_meeting", "first_mode=root_mobility([contacts", "first_mode=1.1 * root_mobility([contacts"),
+        Mutation("place_of_a_drawn_ball", "apart = exaggeration * meeting.gap", "apart = meeting.gap"),
+        Mutation("force_between_balls", "per_force[j] = per_force[first] - ", "per_force[j] = per_force[first] + "),
+        Mutation("parted_by_rounding", "np.where(met[:, None], np.abs(project), 0.0)", "0.0 * project"),
+        Mutation("balls_that_have_passed", "y[first] - y[second], y_rate", "0.0 * y[second], y_rate"),
+        Mutation("impulse_of_vtk", "np.array([first, second])] = 1.0, -1.0", "np.array([first, second])] = 1.0, 1.0"),
+    ),
     "test_held_tip.py": (
         Mutation("place_that_is_held", "(name for name in places if np.any(self.point_row(name)))", "iter(places)"),
     ),
