@@ -507,6 +507,7 @@ class Structure:
             for key, names in labels.items()
             if names
         }
+        rows |= {f"meeting {one.name}": " and ".join(one.between) for one in self.meetings}
         rows["damping"] = "none" if self.damping is None else repr(self.damping)
         if self.gravity:
             rows["gravity"] = f"{self.gravity:g} m/s^2"
