@@ -472,6 +472,7 @@ def test_a_stack_that_lies_on_a_shaken_floor_leaves_it_where_one_ball_does(resti
     assert of_floor[0].size > 4
     np.testing.assert_allclose(*of_floor, rtol=0, atol=1e-11)
     np.testing.assert_allclose(runs[0]["a"], runs[1]["a"], rtol=0, atol=1e-11)
+    assert "ab sticks since t = 0 s" in runs[0].notes
     # the floor carries all three
     np.testing.assert_allclose(runs[0]["a.contact_force"], (1 + 1 / 2 + 1 / 3) * runs[1]["a.contact_force"], atol=1e-9)
 
