@@ -96,7 +96,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slow_beside_fast", "ORTHOGONAL = 1e-15", "ORTHOGONAL = 1e-3"),
         Mutation("slow_pair", "near |= np.maximum(*both) <= SLOW", "near |= np.maximum(*both) <= 0.0"),
         Mutation(
-            "slow_force_of_sticking", "apart[:, sticking] = project @ apart", "apart[:, sticking] = project @ constant"
+            "slow_force_of_sticking", "_without_rounding(project @ apart, ", "_without_rounding(project @ constant, "
         ),
         Mutation("slow_flow", "now, -2.0 * sigma * now - kappa * before", "now, -2.0 * sigma * now"),
         Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),
