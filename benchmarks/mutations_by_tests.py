@@ -46,6 +46,14 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("turns_of_a_spin", "Fraction(2.0 * math.pi) * _SYMBOLS", "Fraction(math.pi) * _SYMBOLS"),
         Mutation("node_of_a_jump", "places if np.abs(self.nodes - x).min() >", "() if np.abs(self.nodes - x).min() >"),
     ),
+    "test_meetings.py": (
+        Mutation("mass_of_a_meeting", "first_mode=root_mobility([contacts", "first_mode=1.1 * root_mobility([contacts"),
+        Mutation("place_of_a_drawn_ball", "apart = exaggeration * meeting.gap", "apart = meeting.gap"),
+        Mutation("force_between_balls", "per_force[j] = per_force[first] - ", "per_force[j] = per_force[first] + "),
+        Mutation("parted_by_rounding", "np.where(met[:, None], np.abs(project), 0.0)", "0.0 * project"),
+        Mutation("balls_that_have_passed", "y[first] - y[second], y_rate", "0.0 * y[second], y_rate"),
+        Mutation("impulse_of_vtk", "np.array([first, second])] = 1.0, -1.0", "np.array([first, second])] = 1.0, 1.0"),
+    ),
     "test_held_tip.py": (
         Mutation("place_that_is_held", "(name for name in places if np.any(self.point_row(name)))", "iter(places)"),
     ),
@@ -96,7 +104,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("slow_beside_fast", "ORTHOGONAL = 1e-15", "ORTHOGONAL = 1e-3"),
         Mutation("slow_pair", "near |= np.maximum(*both) <= SLOW", "near |= np.maximum(*both) <= 0.0"),
         Mutation(
-            "slow_force_of_sticking", "apart[:, sticking] = project @ apart", "apart[:, sticking] = project @ constant"
+            "slow_force_of_sticking", "_without_rounding(project @ apart, ", "_without_rounding(project @ constant, "
         ),
         Mutation("slow_flow", "now, -2.0 * sigma * now - kappa * before", "now, -2.0 * sigma * now"),
         Mutation("slow_braked_flow", "is_held = square > HELD * (1.0 + decay)", "is_held = square > 0.0"),

@@ -60,6 +60,7 @@ from femimpact.structure.beam import Segment as Segment
 from femimpact.structure.structure import Absorber as Absorber
 from femimpact.structure.structure import Dashpot as Dashpot
 from femimpact.structure.structure import Impactor as Impactor
+from femimpact.structure.structure import Meeting as Meeting
 from femimpact.structure.structure import PointMass as PointMass
 from femimpact.structure.structure import Spring as Spring
 from femimpact.structure.structure import Stop as Stop

@@ -190,6 +190,7 @@ NOUNS = {
     "Laser": lambda: LASER,
     "LaserReading": lambda: LASER.measure(response()),
     "StroboscopicSection": lambda: response().stroboscopic(),
+    "Meeting": lambda: fi.Meeting("ab", ("a", "b"), 1e-3, LAW),
     "Stop": lambda: STRUCTURE.stops[0],
     "Structure": lambda: STRUCTURE,
     "Study": paper_study,

@@ -270,7 +270,11 @@ def test_one_change_is_in_the_text_and_nothing_else_is(changes):
 def test_every_table_of_a_study_file_can_be_written(study):
     springs, dashpots = (fi.Spring("stay", 0.05, 20.0),), (fi.Dashpot("damper", 0.05, 0.1),)
     hung = {"springs": springs, "dashpots": dashpots, "absorbers": (fi.Absorber("body", "mid", 1e-3, 5.0, 0.1 + 0.2),)}
-    structure = dataclasses.replace(structure_with(fi.Rigid(0.5)), **hung)
+    structure = structure_with(fi.Rigid(0.5))
+    met = dataclasses.replace(structure.impactors[0], name="other", gap=(math.inf, 1e-3))
+    meeting = fi.Meeting("pair", ("ball", "other"), 1e-3, fi.KelvinVoigt(restitution=0.5, contact_time=1e-3))
+    hung |= {"impactors": (*structure.impactors, met), "meetings": (meeting,)}
+    structure = dataclasses.replace(structure, **hung)
     plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
     orbits = OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",))
     everything = dataclasses.replace(

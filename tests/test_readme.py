@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import read_study
 
 import femimpact as fi
 from femimpact.app.demo import paper_study_text
@@ -270,6 +271,26 @@ def test_the_page_on_two_balls_runs_as_it_stands(monkeypatch, tmp_path, drawn_of
         often = {name: ball.impacts_per_cycle for name, ball in run.statistics_of.items()}
         assert often["ball A"] > 1.2 * often["ball B"]
         assert run.energy.residual < 1e-10
+
+
+@pytest.mark.impacts
+def test_the_page_on_balls_that_meet_runs_as_it_stands(monkeypatch, tmp_path, capsys, drawn_off_screen):
+    monkeypatch.chdir(tmp_path)
+    names = ran("docs/howto/balls_that_meet.md")
+    page = ROOT / "docs/howto/balls_that_meet.md"
+    printed, (said,) = capsys.readouterr().out.splitlines(), PICTURES["blocks"](page, "text")
+    # the run before is chaotic
+    assert printed[6:] == said.splitlines()[6:]
+    assert printed[1] == "b: 0.00 impacts in a cycle"
+    often = {name: of_pair.impacts_per_cycle for name, of_pair in names["run"].statistics_of.items()}
+    assert min(often["ab"], often["bc"]) > 1.2 * max(often["a"], often["c"])
+    assert (tmp_path / "balls_that_meet.png").stat().st_size > 10_000
+    # the tables of the study file stand in a whole one
+    rest = paper_study_text().split("[[impactor]]")[0] + '[base]\namplitude = "1 mm"\nfrequency = "5 Hz"\n'
+    (tables,) = PICTURES["blocks"](page, "toml")
+    structure = read_study(rest + tables, Path("study.toml")).structure
+    assert structure.meetings == (fi.Meeting("ab", ("a", "b"), 3e-3, fi.Rigid(0.6)),)
+    assert [ball.gaps for ball in structure.impactors] == [(np.inf, 3e-3), (3e-3, np.inf)]
 
 
 def test_the_page_on_ring_downs_runs_as_it_stands(monkeypatch, tmp_path, capsys, drawn_off_screen):

@@ -227,7 +227,7 @@ CALLS = [
         )
     ),
     (
-        "distinct among masses, impactors, stops, springs, dashpots and absorbers",
+        "distinct among masses, impactors, stops, springs, dashpots, absorbers and meetings",
         lambda: fi.Structure(BEAM, masses=[fi.PointMass("ball", "tip", 0.1)], impactors=[BALL]),
     ),
     ("must be distinct", lambda: fi.Structure(BEAM, springs=[fi.Spring("one", x, 1.0) for x in (0.1, 0.2)])),

@@ -22,6 +22,7 @@ ROOT = HERE.parents[1]
 PAGES = (
     "README",
     "axial_load",
+    "balls_that_meet",
     "calibration",
     "course",
     "measured_base",

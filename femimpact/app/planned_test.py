@@ -356,7 +356,7 @@ def _of_linear_run(
         method = EventDriven()
     free = [pair for pair in system.balls if pair.free_stiffness == pair.free_damping == pair.acceleration == 0.0]
     at_rest_in_space = initial.is_at_rest and initial.frame == "space"
-    stops = [pair for pair in system.contacts if pair.is_stop and min(pair.gaps) > 0.0]
+    stops = [pair for pair in system.contacts if pair.kind == "stop" and min(pair.gaps) > 0.0]
     met = [*(free if at_rest_in_space else []), *stops]
     names = [f"{pair.name}.gap" for pair in met]
     if any(pair.gaps[0] != pair.gaps[1] for pair in met):

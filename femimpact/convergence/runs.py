@@ -277,7 +277,7 @@ def first_impact(system: System, method: Method, at: Position) -> dict[str, floa
 
 def _before_impact(system: System) -> tuple[State, float]:
     """A state shortly before the first pair meets a wall, and a time (s) by which it has."""
-    pair = system.contacts[0]
+    j, pair = next((j, pair) for j, pair in enumerate(system.contacts) if pair.has_walls)
     side = 1.0 if pair.gaps[0] <= pair.gaps[1] else -1.0
     near = min(pair.gaps)
     allowed = "must be >= 0 for a convergence over impacts: a preloaded stop has no first one"
@@ -292,8 +292,8 @@ def _before_impact(system: System) -> tuple[State, float]:
         return State(velocity=velocity), 0.25 / system.first_frequency
     clearance = sum(pair.gaps) if math.isfinite(sum(pair.gaps)) else max(near, 1e-6)
     place, rate = np.zeros((2, len(system.balls)))
-    place[0] = side * (near - 1e-6 * clearance)
-    rate[0] = side * clearance * system.first_frequency
+    place[j] = side * (near - 1e-6 * clearance)
+    rate[j] = side * clearance * system.first_frequency
     return State(ball_displacement=place, ball_velocity=rate), 1e-5 / system.first_frequency
 
 

@@ -426,5 +426,5 @@ def converge_elements(structure: Structure, elements: Sequence[int], modes: int 
     """
     require_type(structure, Structure, "structure")
     modes = checked("modes", modes, quantity("1", at_least=1, at_most=1000, integer=True))
-    bare = replace(structure, impactors=())
+    bare = replace(structure, impactors=(), meetings=())
     return convergence_study(bare, OverMeshes.uniform(bare, elements), Frequencies(modes))["mesh"]

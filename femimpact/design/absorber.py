@@ -140,7 +140,7 @@ def _pull(mass: float, stiffness: float, damping: float, omega: Array) -> Comple
 
 def _structure_alone(system: System, row: Array, omega: Array) -> tuple[Complex, Complex]:
     """Displacement of a place over that of the base, and over a force there (m/N), at angular frequencies (rad/s)."""
-    others = [pair for pair in system.contacts if not pair.has_walls]
+    others = [pair for pair in system.contacts if pair.kind == "absorber"]
     answers = np.empty((omega.size, 2), dtype=complex)
     for i, w in enumerate(omega):
         matrix = sparse.csc_array(system.K + 1j * w * system.C - w**2 * system.M)

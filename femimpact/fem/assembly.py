@@ -17,7 +17,7 @@ from skfem.helpers import dd, ddot, dot, grad
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
 from femimpact.fem.axial import axial_forces, weight_words
-from femimpact.fem.discretisation import Discretisation, discretise, kind_of
+from femimpact.fem.discretisation import Discretisation, discretise
 from femimpact.fem.mesh import Mesh
 from femimpact.structure.axial import Axial
 from femimpact.structure.structure import (
@@ -31,7 +31,7 @@ from femimpact.structure.structure import (
     unusual_numbers,
 )
 from femimpact.system.added_terms import add_terms
-from femimpact.system.contact_pair import ContactPair, contact_pair
+from femimpact.system.contact_pair import ContactPair, contact_pair, meeting_pairs
 from femimpact.system.hermite import Reaction, hermite_rows
 from femimpact.system.matrices import Matrix, factor_of_sum
 from femimpact.system.modes import (
@@ -301,13 +301,14 @@ def _contacts(system: System, grid: Discretisation, modes: Modes) -> tuple[Conta
     """The pairs of balls, absorbers and stops, with what they take from stiffness and first mode."""
     structure = grid.structure
     items: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
-    places = [grid.position_of(item.at, f"{kind_of(item)}.{item.name}.at") for item in items]
+    places = [grid.position_of(item.at, f"{type(item).__name__.lower()}.{item.name}.at") for item in items]
     rows = np.array([system.point_row(place) for place in places]).reshape(len(items), system.dofs)
     compliance = flexibility(system, rows)
-    return tuple(
+    pairs = tuple(
         contact_pair(item, row, place, first_mode_at(system, modes, row), flexible, structure.gravity)
         for item, row, place, flexible in zip(items, rows, places, compliance, strict=True)
     )
+    return (*pairs, *meeting_pairs(structure.meetings, pairs))
 
 
 def _with_dashpots(system: System, grid: Discretisation) -> System:

@@ -29,7 +29,7 @@ from femimpact.errors import (
 )
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.structure.beam import Beam, Segment
-from femimpact.structure.structure import SUPPORTS, Absorber, Impactor, Position, Stop, Structure, Support
+from femimpact.structure.structure import SUPPORTS, Position, Structure, Support
 from femimpact.system.hermite import SectionFields, shape_functions
 
 OFF_MESH = 1e-6
@@ -177,9 +177,9 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     if structure.axial is not None:
         # where the normal force jumps
         mesh = mesh.with_nodes(_position(structure, mesh, body.at, f"mass.{body.name}.at") for body in structure.masses)
-    bodies: tuple[Impactor | Absorber | Stop, ...] = (*structure.impactors, *structure.absorbers, *structure.stops)
+    bodies: tuple[Any, ...] = (*structure.impactors, *structure.absorbers, *structure.stops, *structure.meetings)
     for item in bodies:
-        key, allowed = f"{kind_of(item)}.{item.name}.name", "must not be the name of a point of the mesh"
+        key, allowed = f"{type(item).__name__.lower()}.{item.name}.name", "must not be the name of a point of the mesh"
         require(item.name not in mesh.points, key, item.name, "", allowed)
     # what is refused, before what is warned of
     free = read_only(np.delete(np.arange(2 * mesh.nodes.size), _held_dofs(structure, mesh)))
@@ -193,11 +193,6 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
 def _basis(nodes: bytes, degree: int) -> Any:
     """The basis on nodes, of which structures on one mesh share the shape functions at the quadrature points."""
     return Basis(MeshLine(np.frombuffer(nodes)), ElementLineHermiteReference(), intorder=degree)
-
-
-def kind_of(item: Impactor | Absorber | Stop) -> str:
-    """The key of a ball, an absorber or a stop in messages and study files."""
-    return {Stop: "stop", Absorber: "absorber"}.get(type(item), "impactor")
 
 
 def _sections(beam: Beam, mesh: Mesh) -> SectionFields:

@@ -21,7 +21,7 @@ from femimpact.figures.drawing import BLUE, DARK, GREY, ORANGE, STYLE, name_at
 from femimpact.files import atomic_path, target_path
 from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.response import Response
-from femimpact.scene.placed import Contact, ball_radius
+from femimpact.scene.placed import Contact, ball_radius, offsets_of, travel_of
 from femimpact.scene.scene import (
     BALL,
     BEAM,
@@ -207,6 +207,10 @@ def _touched(response: Response, snapshots: Snapshots, chosen: NDArray[np.int64]
         last = np.searchsorted(start, times, side="right")
         recent = last > np.searchsorted(start, earlier, side="right")
         touched[recent, j] = side[last[recent] - 1]
+    for j, balls in response.system.meetings.items():
+        for ball in balls:
+            # of no wall
+            touched[(touched[:, j] != 0) & (touched[:, ball] == 0), ball] = 2
     return np.asarray(touched)
 
 
@@ -288,7 +292,10 @@ class Film:
         # seen from the base, what is fixed in space moves against it
         space = -float(self.response.base.displacement(self.snapshots.time[k]))
         points = np.asarray(self.scene.points + self.scene.displacement(nodal, balls, space=space))
-        points[:, 1] -= 0.0 if follow is None else self.scene.exaggeration * self.at_pair(follow)[k]
+        if follow is not None:
+            pair, larger = self.response.system.balls[follow], self.scene.exaggeration
+            middle = offsets_of(self.structure, larger).get(pair.name, 0.0)
+            points[:, 1] -= larger * self.at_pair(follow)[k] + middle
         return points
 
     def at_pair(self, j: int) -> NDArray[np.float64]:
@@ -298,10 +305,10 @@ class Film:
         return np.asarray((rows @ self.snapshots.displacement.T)[0])
 
     def room(self, j: int) -> float:
-        """Largest distance (m) of the ball of pair j from its middle: the wider gap, or what an absorber moves."""
+        """Largest distance (m) of the ball of pair j from its middle: the wider gap, or what it moves without."""
         pair = self.response.system.balls[j]
         moved = np.abs(self.snapshots.ball_displacement[:, j] - self.at_pair(j))
-        return max(pair.gaps) if pair.has_walls else float(moved.max())
+        return max(pair.gaps) if max(pair.gaps) < math.inf else float(moved.max())
 
 
 def _ends(scene: Scene, length: float) -> tuple[float, float]:
@@ -359,7 +366,7 @@ def _sheets(caption: str, views: Callable[[Any], list[Draw]]) -> Callable[[int],
 
 def _carrier(pair: Any) -> str:
     """What a ball or an absorber moves on, in a word."""
-    return "box" if pair.has_walls else "beam"
+    return "beam" if pair.kind == "absorber" else "box"
 
 
 def _titles(film: Film) -> list[tuple[float, str]]:
@@ -367,13 +374,13 @@ def _titles(film: Film) -> list[tuple[float, str]]:
     titles = [(0.02, f"Whole beam ({1e3 * film.structure.beam.length:.4g} mm), relative to the moving base")]
     balls = film.response.system.balls
     for j, pair in enumerate(balls):
-        plus, minus = (1e3 * gap for gap in pair.gaps)
+        plus, minus = (1e3 * gap for gap in travel_of(pair, film.structure))
         gaps = (
             f"gaps {number_text(plus, 3)} mm"
             if plus == minus
             else f"gaps +{number_text(plus, 3)}, -{number_text(minus, 3)} mm"
         )
-        gaps = gaps if pair.has_walls else "absorber"
+        gaps = "absorber" if pair.kind == "absorber" else gaps
         # several are too narrow for both in a line
         name = f"Close-up, moving with the {_carrier(pair)} " if len(balls) == 1 else f"{pair.name}\n"
         titles.append((CLOSE_UPS + (0.98 + SPACE - CLOSE_UPS) * j / len(balls), f"{name}({gaps})"))
@@ -419,14 +426,21 @@ def _history(axis: Any, film: Film, j: int) -> None:
     snapshots, balls, impacts = film.snapshots, film.response.system.balls, film.response.impacts
     time, pair = snapshots.time, balls[j]
     wall, ball = 1e3 * film.at_pair(j), 1e3 * snapshots.ball_displacement[:, j]
-    inside = (wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0])
+    inside, contacts = [wall - 1e3 * pair.gaps[1], wall + 1e3 * pair.gaps[0]], film.response.system.contacts
+    names = [one.name for one in contacts if pair.name in (one.name, *one.between)]
+    for k, (first, second) in film.response.system.meetings.items():
+        gap = 1e3 * contacts[k].gaps[0]
+        if j == second:
+            inside[0] = np.maximum(inside[0], 1e3 * snapshots.ball_displacement[:, first] - gap)
+        if j == first:
+            inside[1] = np.minimum(inside[1], 1e3 * snapshots.ball_displacement[:, second] + gap)
     place = name_at(film.response.system, pair) or "beam at the box"
-    if pair.has_walls:
-        axis.fill_between(time, *inside, color="#e6eaee", label="between the walls")
+    if np.isfinite(inside).all():
+        axis.fill_between(time, *inside, color="#e6eaee", label="free space" if len(names) > 1 else "between the walls")
     axis.plot(time, wall, color=BEAM_COLOUR, label=place if len(balls) == 1 else "beam at the box")
     axis.plot(time, ball, color=BLUE, label=pair.name if len(balls) == 1 else "ball")
-    if pair.has_walls:
-        at = impacts.time[(impacts.impactor == pair.name) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
+    if pair.kind != "absorber":
+        at = impacts.time[np.isin(impacts.impactor, names) & (impacts.time >= time[0]) & (impacts.time <= time[-1])]
         axis.plot(at, np.interp(at, time, ball), "o", color=ORANGE, markersize=5.0, label="impact")
     if len(balls) > 1:
         # beside the axes, where no curve is

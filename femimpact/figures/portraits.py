@@ -165,7 +165,7 @@ def motion(
         If the run holds no history, or a channel is missing, which is named.
     """
     require_history(response)
-    pairs = response.system.contacts or (None,)
+    pairs: list[Any] = [pair for pair in response.system.contacts if not pair.between] or [None]
     # before a figure is made: a channel may be missing
     rows = [ContactRow(response, pair) for pair in pairs]
     axes = panels(figure, 11.0, 2.5 * len(rows) + 0.8, len(rows), 2, sharex="col", width_ratios=(1.0, 1.3))
@@ -244,12 +244,13 @@ class ContactRow:
             axis.fill_between(time, *edges, color=FREE, linewidth=0.0, label="between the walls")
         for edge, gap in zip(edges, (plus, minus), strict=True):
             if math.isfinite(gap):
-                label = None if both else self.pair.name
+                label = None if both else self.pair.name if self.ball is None else "wall"
                 axis.plot(time, edge, color=WALL, linewidth=0.8 if both else 2.0, label=label)
 
     def _impacts(self, axis: Any, start: float) -> None:
         impacts, time = self.response.impacts, self.response.time
-        at = impacts.time[(impacts.impactor == self.pair.name) & (impacts.time >= start) & (impacts.time <= time[-1])]
+        names = [one.name for one in self.response.system.contacts if self.pair.name in (one.name, *one.between)]
+        at = impacts.time[np.isin(impacts.impactor, names) & (impacts.time >= start) & (impacts.time <= time[-1])]
         curve = self.beam if self.ball is None else self.ball
         axis.plot(at, self.factor * np.interp(at, time, curve), "o", color=ORANGE, markersize=5.0, label="impact")
 
@@ -306,12 +307,12 @@ def phase_portrait(
         axis.plot(*points, "o", color=ORANGE, markersize=4.5, linestyle="none", label=label)
     if pair is None:
         title, to = f"{names[0]}, {window}", "the base"
-    elif pair.has_walls:
+    elif pair.kind == "impactor":
         _walls(axis, pair, x)
         title, to = f"{pair.name} in its box, {window}; grey: inside the walls", "the box"
     else:
         title, to = f"{pair.name}, {window}", "the beam"
-    moving = "ball" if pair is not None and pair.has_walls else names[0]
+    moving = "ball" if pair is not None and pair.kind == "impactor" else names[0]
     label_axes(axis, f"{moving} relative to {to} (mm)", f"velocity relative to {to} (mm/s)", title)
     legend_above(axis)
     return axis
@@ -377,9 +378,12 @@ def _curve(
 def _walls(axis: Any, pair: Any, x: NDArray[np.float64]) -> None:
     walls = (-1e3 * pair.gaps[1], 1e3 * pair.gaps[0])
     # as much of either wall, however the gaps and the depths differ
-    low, high = min(walls[0], float(x.min())), max(walls[1], float(x.max()))
+    reached = [wall for wall in (*walls, float(x.min()), float(x.max())) if math.isfinite(wall)]
+    low, high = min(reached), max(reached)
     low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
     for wall, outer in zip(walls, (low, high), strict=True):
+        if math.isinf(wall):
+            continue
         axis.axvspan(min(wall, outer), max(wall, outer), color="#dddddd", zorder=0)
         axis.axvline(wall, color="black", linewidth=1.4)
     axis.set_xlim(low, high)
@@ -387,7 +391,7 @@ def _walls(axis: Any, pair: Any, x: NDArray[np.float64]) -> None:
 
 def _stops_at(response: Response, place: str) -> list[Any]:
     """Stops that move with the base at a place."""
-    stops = [pair for pair in response.system.contacts if pair.is_stop and pair.fixed_to == "base"]
+    stops = [pair for pair in response.system.contacts if pair.kind == "stop" and pair.fixed_to == "base"]
     return [pair for pair in stops if place_of(response, pair) == place]
 
 

@@ -127,7 +127,7 @@ def snapshots_of(
         ball_displacement=own(fields[:, 0, balls]),
         ball_velocity=own(fields[:, 1, balls]),
         # a force on the beam: the direction of a stop is that of its place turned round
-        contact_force=own(forces * [-1.0 if pair.is_stop else 1.0 for pair in system.contacts]),
+        contact_force=own(forces * [pair.sign for pair in system.contacts]),
     )
 
 

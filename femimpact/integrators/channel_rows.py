@@ -418,6 +418,8 @@ def _row(system: System, drive: Drive, reading: Reading, springs_apart: bool) ->
             dashpot = pair.free_damping * per_force[j]
             y_rate[j] += dashpot
             velocity -= dashpot * pair.direction
+    for j, (first, second) in system.meetings.items():
+        per_force[j] = per_force[first] - per_force[second]
     contact, pairs = reading.contact_force, per_force
     if springs_apart:
         contact, pairs = contact + per_force, 0.0 * per_force

@@ -409,7 +409,7 @@ def transient_left(system: System, begin: float) -> tuple[float, float, float]:
     else:
         ratio = float(realised_damping_ratio(*system.rayleigh, 2.0 * math.pi * first))
     omega = 2.0 * math.pi * first
-    hung = [pair for pair in system.contacts if not pair.has_walls]
+    hung = [pair for pair in system.contacts if pair.kind == "absorber"]
     if not hung or omega == 0.0:
         return first, ratio, math.exp(-ratio * omega * begin)
     mode = solve_modes(bare, min(rigid_motions(bare).shape[1] + 1, bare.dofs)).vectors[:, -1]

@@ -235,7 +235,7 @@ def _stops_not_met(response: Response) -> list[str]:
     notes = list[str]()
     for pair in response.system.contacts:
         plus, minus = pair.gaps
-        if not pair.is_stop or plus == minus or min(plus, minus) < 0.0 or response.impacts.dropped:
+        if pair.kind != "stop" or plus == minus or min(plus, minus) < 0.0 or response.impacts.dropped:
             continue
         met = pair.name in response.impacts.impactor or pair.name in response.sticking.impactor
         # a compliant contact that lasts has no row yet

@@ -88,21 +88,15 @@ def _refusal(system: System, path: str, known: list[str]) -> str:
         return f"is in a system's damping matrix, of which {FACTOR} multiplies all; known: {names}"
     if owner in OF_MODES:
         return f"changes the modes, which a system has; known: {names}"
-    pair = next((pair for pair in system.contacts if path.startswith(f"{_place(pair)}.")), None)
+    pair = next((pair for pair in system.contacts if path.startswith(f"{pair.kind}.{pair.name}.")), None)
     if pair is None:
         return suggestion(path, known)
-    number = path.removeprefix(f"{_place(pair)}.")
+    number = path.removeprefix(f"{pair.kind}.{pair.name}.")
     if number == "gap" and pair.has_walls:
         return f"must have the same gap on both sides, not {pair.gaps} m; known: {names}"
     if number.startswith("contact."):
         return f"is no number of the contact's law, {_words(pair.law)}; known: {names}"
     return f"is no number that a branch is followed over; known: {names}"
-
-
-def _place(pair: ContactPair) -> str:
-    """Path of a pair."""
-    owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
-    return f"{owner}.{pair.name}"
 
 
 def _words(law: Any) -> str:
@@ -166,7 +160,7 @@ def _of_pair(
             contacts = [pair_at(value) if i == j else other for i, other in enumerate(system.contacts)]
             return with_checked_pairs(system, tuple(contacts)), excitation
 
-        path = f"{_place(pair)}.{name}"
+        path = f"{pair.kind}.{pair.name}.{name}"
         return Parameter(path, allowed["unit"], float(value), allowed, hybrid, hybrid_at, at, of_matrices)
 
     def with_spring(varied: HybridSystem, law: KelvinVoigt, effective_mass: Any, **number: Any) -> HybridSystem:
@@ -228,7 +222,9 @@ def _of_pair(
         if law is not None:
             hybrid_at, pair_at = partial(at_law, law=law, name=name), partial(with_law, law=law, name=name)
             yield parameter(f"contact.{name}", getattr(law, name), dict(item.metadata), hybrid_at, pair_at)
-    if not pair.is_stop:
+    # the law of balls that meet has numbers for their masses
+    meets = any(pair.name in other.between and not other.parameters.is_rigid for other in system.contacts)
+    if not pair.is_stop and not meets:
         yield parameter(
             "mass", pair.mass, quantity("kg", above=0.0), at_mass, lambda value: replace(pair, mass=value), True
         )

@@ -354,8 +354,10 @@ def _check_rows(log: EventLog, rows: NDArray[np.intp], state: NDArray[Any], syst
 
 def untouched_ball(system: System, met: NDArray[Any], state: NDArray[Any]) -> str | None:
     """Name of a ball that touches nothing, from the pairs that have events and the contact states at one."""
+    touched = {*met.tolist(), *np.flatnonzero(state != FREE).tolist()}
+    touched |= {ball for j, balls in system.meetings.items() if j in touched for ball in balls}
     for j, pair in enumerate(system.balls):
-        if pair.free_stiffness == 0.0 and state[j] == FREE and j not in met:
+        if pair.free_stiffness == 0.0 and j not in touched:
             return pair.name
     return None
 

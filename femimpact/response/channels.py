@@ -102,9 +102,10 @@ def _of_pair(system: System, at: Any, read: str) -> dict[str, Any]:
     """Gap or contact force of a ball or a stop; of the only one where none is named.
 
     - gap (m): the displacement x_j = y_j - b_j u that the gaps bound, ball minus beam, or the beam's deflection at a
-      stop; at a stop fixed in space the absolute deflection;
-    - contact_force (N): force F_j of contact on the beam, positive in the direction of w; a centring spring has no
-      share in it. With Moreau-Jean and with an energy-consistent contact it is the mean over a step.
+      stop; at a stop fixed in space the absolute deflection; of balls that meet y_a - y_b;
+    - contact_force (N): force F_j of contact on the beam, positive in the direction of w, or on the second of two
+      balls that meet; a centring spring has no share in it. With Moreau-Jean and with an energy-consistent contact it
+      is the mean over a step.
     """
     names = [contact.name for contact in system.contacts]
     if at is None:
@@ -115,9 +116,12 @@ def _of_pair(system: System, at: Any, read: str) -> dict[str, Any]:
     pair, chosen = system.contacts[j], np.eye(len(names))[j]
     if read == "contact_force":
         # a stop's b_j points against w
-        return {"contact_force": (-1.0 if pair.is_stop else 1.0) * chosen}
+        return {"contact_force": pair.sign * chosen}
+    of_balls = (not pair.is_stop) * chosen
+    if pair.between:
+        of_balls[list(system.meetings[j])] = 1.0, -1.0
     base = np.array([1.0 if pair.fixed_to == "space" else 0.0, 0.0, 0.0])
-    return {"displacement": -pair.direction, "ball_displacement": (not pair.is_stop) * chosen, "base": base}
+    return {"displacement": -pair.direction, "ball_displacement": of_balls, "base": base}
 
 
 DERIVATIVES = ("displacement", "velocity", "acceleration")

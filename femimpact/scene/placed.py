@@ -21,7 +21,7 @@ from femimpact.structure.structure import (
     Structure,
     Support,
 )
-from femimpact.system.contact_pair import ContactPair
+from femimpact.system.contact_pair import ContactPair, meetings_of
 from femimpact.system.hermite import hermite_rows
 from femimpact.system.system import System
 
@@ -67,16 +67,19 @@ class DrawnContact:
     law: str = ""  # its name; empty where it is not known
     free_stiffness: float = math.nan  # N/m and N s/m, of an absorber
     free_damping: float = math.nan
+    between: tuple[str, ...] = ()  # names of balls that meet
 
     @property
     def is_stop(self) -> bool:
-        """True of a fixed obstacle, false of a ball."""
+        """True of what moves no ball of its own: a fixed obstacle, or two balls that meet."""
         return math.isinf(self.mass)
 
     @property
-    def has_walls(self) -> bool:
-        """False of an absorber."""
-        return min(self.gaps) < math.inf
+    def kind(self) -> str:
+        """The key of the part in study files: "stop", "meeting", "absorber" or "impactor"."""
+        if self.is_stop:
+            return "meeting" if self.between else "stop"
+        return "impactor" if math.isnan(self.free_stiffness) else "absorber"
 
 
 Contact = ContactPair | DrawnContact
@@ -104,6 +107,11 @@ class DrawnSystem:
         """The contacts that are balls."""
         return tuple(contact for contact in self.contacts if not contact.is_stop)
 
+    @property
+    def meetings(self) -> dict[int, tuple[int, int]]:
+        """Of the contacts that are balls that meet, by their number: those of the two balls."""
+        return meetings_of(self.contacts)
+
     def position_of(self, at: Position) -> float:
         """Metres from the root of a place."""
         return float(self.points[at] if isinstance(at, str) else at)
@@ -128,8 +136,41 @@ def drawn_system(
 
     balls = [drawn(ball, ball.mass) for ball in structure.impactors]
     balls += [drawn(body, body.mass) for body in structure.absorbers]
-    stops = [drawn(stop, math.inf, stop.fixed_to) for stop in structure.stops]
-    return replace(system, contacts=(*balls, *stops))
+    others = [drawn(stop, math.inf, stop.fixed_to) for stop in structure.stops]
+    places = {ball.name: ball.position for ball in balls}
+    for item in structure.meetings:
+        at = places[item.between[0]]
+        others.append(DrawnContact(item.name, at, math.inf, item.gaps, law=item.contact.name, between=item.between))
+    return replace(system, contacts=(*balls, *others))
+
+
+def offsets_of(structure: Structure, exaggeration: float = 1.0) -> dict[str, float]:
+    """Distances (m) from the axis at which balls are drawn that stand at their zero, by name.
+
+    Balls that meet are drawn beside one another about the middle of their box, with gaps so many times as large; a ball
+    that meets no other is on the axis.
+    """
+    radius, offsets = {ball.name: ball_radius(ball.mass) for ball in structure.impactors}, dict[str, float]()
+    for name in radius:
+        together = {} if name in offsets else {name: 0.0}
+        # as often as there are meetings: the order of the file is any
+        for meeting in [*structure.meetings] * len(structure.meetings):
+            first, second = meeting.between
+            apart = exaggeration * meeting.gap + radius[first] + radius[second]
+            if first in together:
+                together.setdefault(second, together[first] + apart)
+            elif second in together:
+                together[first] = together[second] - apart
+        ends = [sign * max(sign * at + radius[one] for one, at in together.items()) for sign in (1, -1) if together]
+        offsets |= {one: at - 0.5 * sum(ends) for one, at in together.items()}
+    return offsets
+
+
+def travel_of(ball: Contact, structure: Structure) -> tuple[float, float]:
+    """Free travel (m) of a ball to the + and to the - side, to a wall or to a ball that stands at its zero."""
+    met = {(meeting.between[k], k): meeting.gap for meeting in structure.meetings for k in (0, 1)}
+    plus, minus = (min(gap, met.get((ball.name, k), math.inf)) for k, gap in enumerate(ball.gaps))
+    return plus, minus
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +195,14 @@ class PlacedStructure:
 
     def box_of(self, ball: Contact) -> PointMass | None:
         """The body that is a ball's box: the heaviest at its place; None where there is none, and of all but balls."""
-        if ball.is_stop or not ball.has_walls:
+        if ball.kind != "impactor":
             return None
         return max(self.at(ball.position), key=lambda body: body.mass, default=None)
 
     def box_ends(self, ball: Contact) -> tuple[float, float]:
         """Both ends (m from the root) of a ball's box: its middle is the centre of the body that it is."""
-        half, box = 1.3 * ball_radius(ball.mass), self.box_of(ball)
+        masses = [other.mass for other in self.contacts if other.name in {ball.name, *self.met_by(ball)}]
+        half, box = 1.3 * ball_radius(max(masses)), self.box_of(ball)
         shift = 2.0 * box.offset if box else 0.0
         return ball.position - half + min(shift, 0.0), ball.position + half + max(shift, 0.0)
 
@@ -169,8 +211,19 @@ class PlacedStructure:
         near = SAME * self.length
         tops = [0.5 * self.structure.beam.drawn_at(min(max(x, 0.0), self.length))[1]]
         tops += [0.5 * body_side(body.mass) for body, place in self.blocks if abs(place - x) <= near]
-        boxed = [c for c in self.contacts if c.has_walls and not c.is_stop and abs(c.position - x) <= near]
-        return max(tops + [exaggeration * pair.gaps[0] + 1.3 * ball_radius(pair.mass) for pair in boxed])
+        boxed = [c for c in self.contacts if c.kind == "impactor" and abs(c.position - x) <= near]
+        return max(tops + [self.inner_faces(ball, exaggeration)[0] + 0.3 * ball_radius(ball.mass) for ball in boxed])
+
+    def met_by(self, ball: Contact) -> set[str]:
+        """Names of the balls that a ball meets."""
+        pairs = (set(meeting.between) for meeting in self.structure.meetings)
+        return {name for pair in pairs if ball.name in pair for name in pair - {ball.name}}
+
+    def inner_faces(self, ball: Contact, exaggeration: float = 1.0) -> tuple[float, float]:
+        """Where (m) a ball's surface is at the end of its travel to the + and to the - side, as drawn."""
+        radius, middle = ball_radius(ball.mass), offsets_of(self.structure, exaggeration).get(ball.name, 0.0)
+        plus, minus = (exaggeration * (gap if gap < math.inf else 0.0) for gap in travel_of(ball, self.structure))
+        return middle + plus + radius, middle - minus - radius
 
     @property
     def blocks(self) -> list[tuple[PointMass, float]]:
@@ -187,7 +240,8 @@ def placed_structure(structure: Structure, system: System | DrawnSystem) -> Plac
 
     return PlacedStructure(
         structure,
-        system.contacts,
+        # balls that meet are drawn as balls; the pair, which comes after all others, has no body
+        [pair for pair in system.contacts if not pair.between],
         tuple((support, place(support.at)) for support in structure.supports),
         tuple((body, place(body.at)) for body in structure.masses),
         tuple((item, tuple(map(place, ends.values()))) for _, item, ends in structure.connections),

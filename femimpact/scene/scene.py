@@ -16,7 +16,16 @@ from femimpact.arrays import Array
 from femimpact.errors import Fault, InputError, quantity
 from femimpact.response.history import Snapshots
 from femimpact.response.response import Response
-from femimpact.scene.placed import SAME, Contact, PlacedStructure, ball_radius, body_side, placed_structure
+from femimpact.scene.placed import (
+    SAME,
+    Contact,
+    PlacedStructure,
+    ball_radius,
+    body_side,
+    offsets_of,
+    placed_structure,
+    travel_of,
+)
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import PointMass, Structure
 from femimpact.system.hermite import hermite_rows
@@ -167,18 +176,18 @@ def beam_bodies(placed: PlacedStructure, nodes: Array, subdivisions: int = 1) ->
     return bodies, stretches
 
 
-def box_of_ball(j: int, ball: Contact, ends: tuple[float, float], width: float, exaggeration: float) -> list[Body]:
-    """Two end walls and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
+def box_of_ball(j: int, ball: Contact, placed: PlacedStructure, width: float, exaggeration: float) -> list[Body]:
+    """The walls that a ball can meet and a floor on the beam's upper edge; the inner faces stop the ball's surface."""
     x, radius = ball.position, ball_radius(ball.mass)
     wall, floor = 0.3 * radius, 0.5 * width
-    inner = (exaggeration * ball.gaps[0] + radius, -exaggeration * ball.gaps[1] - radius)
-    (left, right), top = ends, floor + wall + 2.0 * radius
+    inner, (left, right), top = placed.inner_faces(ball, exaggeration), placed.box_ends(ball), floor + wall + 2 * radius
     blocks = {
         1: _block((left, inner[0], floor), (right, inner[0] + wall, top)),
         -1: _block((left, inner[1] - wall, floor), (right, inner[1], top)),
         0: _block((left, inner[1], floor), (right, inner[0], floor + wall)),
     }
-    return [Body(BOX, corners, HEXAHEDRON_CELL, x, j, side) for side, corners in blocks.items()]
+    met = {1: ball.gaps[0], -1: ball.gaps[1], 0: 0.0}
+    return [Body(BOX, corners, HEXAHEDRON_CELL, x, j, side) for side, corners in blocks.items() if met[side] < math.inf]
 
 
 def sphere(j: int, ball: Contact, centre: Array, rings: int = 10, around: int = 20) -> Body:
@@ -270,19 +279,28 @@ def ball_bodies(j: int, ball: Contact, placed: PlacedStructure, exaggeration: fl
     """A ball in its box with the points of contact, or an absorber's body on a post and a line for its spring."""
     x, radius = ball.position, ball_radius(ball.mass)
     width, _ = placed.structure.beam.drawn_at(x)
-    centre = np.array([x, 0.0, 0.5 * width + 0.3 * radius + radius])
+    middle = offsets_of(placed.structure, exaggeration).get(ball.name, 0.0)
+    centre = np.array([x, middle, 0.5 * width + 0.3 * radius + radius])
     # in front of the ball, or the ball would hide the arrows that begin there
     height = float(centre[2]) + 1.3 * radius
-    if not ball.has_walls:
+    if ball.kind == "absorber":
         top = height - 1.3 * radius
         points = np.array([(x, 0.0, 0.5 * width), (x, 0.0, top), (x, 0.0, top)])
         lines = [(LINE, [0, 1]), (LINE, [1, 2])]
         post = Body(CONNECTION, points, lines, np.array([x, x, math.nan]), j, ball=np.array([-1, -1, j]))
         return [sphere(j, ball, centre), post]
-    bodies = [*box_of_ball(j, ball, placed.box_ends(ball), width, exaggeration), sphere(j, ball, centre)]
-    for side, gap in ((1, ball.gaps[0]), (-1, ball.gaps[1])):
-        bodies.append(mark((x, side * (exaggeration * gap + radius), height), x, j, side))
-        bodies.append(mark((x, side * radius, height), math.nan, j, side, ball=j, reaction=True))
+    bodies = [*box_of_ball(j, ball, placed, width, exaggeration), sphere(j, ball, centre)]
+    for side, gap, face in zip((1, -1), ball.gaps, placed.inner_faces(ball, exaggeration), strict=True):
+        if gap < math.inf:
+            bodies.append(mark((x, face, height), x, j, side))
+            bodies.append(mark((x, middle + side * radius, height), math.nan, j, side, ball=j, reaction=True))
+    # of balls that meet, whose pairs come after those of all bodies, the second feels the force, the first the reaction
+    numbers = {contact.name: k for k, contact in enumerate(placed.contacts)}
+    for pair, meeting in enumerate(placed.structure.meetings, start=len(placed.contacts)):
+        if ball.name in meeting.between and numbers.keys() >= set(meeting.between):
+            first = ball.name == meeting.between[0]
+            point = (x, middle + (radius if first else -radius), height)
+            bodies.append(mark(point, math.nan, pair, 1, ball=j, reaction=first))
     return bodies
 
 
@@ -315,8 +333,8 @@ def chosen_exaggeration(
     balls: Sequence[Contact],
 ) -> float:
     """Factor, of one digit, with which the largest deflection and gap are a good size beside the beam."""
-    gaps = [max(pair.gaps) for pair in balls if pair.has_walls]
-    hung = motion[:, [not pair.has_walls for pair in balls]]
+    gaps = [gap for pair in balls for gap in travel_of(pair, structure) if gap < math.inf]
+    hung = motion[:, [pair.kind == "absorber" for pair in balls]]
     reach = float(np.abs(np.hstack([deflection, hung])).max()) + max(gaps, default=0.0)
     return float(f"{SWING * structure.beam.length / max(reach, 1e-12):.1g}")
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from femimpact.contact.law import ContactLaw, collide, require_law
-from femimpact.contact.laws import MATERIALS, Hertz, NoWalls, hertz_stiffness
+from femimpact.contact.laws import MATERIALS, Hertz, KelvinVoigt, NoWalls, Rigid, hertz_stiffness
 from femimpact.errors import (
     LARGEST,
     Fault,
@@ -23,7 +23,9 @@ from femimpact.errors import (
     place,
     quantity,
     require,
+    require_name,
     require_type,
+    text,
 )
 from femimpact.structure.axial import Axial
 from femimpact.structure.beam import Beam, ModalDamping, Rayleigh
@@ -145,7 +147,7 @@ class Impactor:
         Of the ball.
     gap : float or pair of float, m
         Free travel from the centre to each wall (the paper's d1 on the + side, d2 on the - side);
-        the total clearance is their sum.
+        the total clearance is their sum. `math.inf` where other balls keep it from a wall (`Meeting`).
     contact : a contact law
         Of both walls.
     free_stiffness : float, N/m
@@ -166,7 +168,7 @@ class Impactor:
     name: str = field(metadata=name_text())
     at: Position = field(metadata=place())
     mass: float = field(metadata=quantity("kg", above=0.0))
-    gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True))
+    gap: float | tuple[float, float] = field(metadata=quantity("m", at_least=0.0, several=True, finite=False))
     contact: ContactLaw
     free_stiffness: float = field(default=0.0, metadata=quantity("N/m", at_least=0.0))
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
@@ -176,8 +178,8 @@ class Impactor:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        pair = not isinstance(self.gap, tuple) or len(self.gap) == 2
-        require(pair, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side)")
+        fits = len(self.gaps) == 2 and min(self.gaps) >= 0.0 and not any(map(math.isnan, self.gaps))
+        require(fits, "gap", self.gap, "m", "must be one number or two (d1 on the + side, d2 on the - side), >= 0 m")
         require_law(self.contact, "contact")
         require_free_damping(self.free_damping, self.contact)
 
@@ -305,6 +307,59 @@ class Stop:
         return self.gap if isinstance(self.gap, tuple) else (self.gap, self.gap)
 
 
+@dataclass(frozen=True)
+class Meeting:
+    """Contact of two balls in one box, or in boxes at one place of the beam: they touch at y_a - y_b = gap.
+
+    Parameters
+    ----------
+    name : str
+        By which it is named in results: `name.gap` is y_a - y_b, `name.contact_force` the force on the second ball.
+    between : pair of str
+        Names of the balls, the second on the + side of the first.
+    gap : float, m
+        Free distance when both balls stand at their zero.
+    contact : Rigid or KelvinVoigt
+        Of the two surfaces: the laws of `EventDriven`, which alone takes balls that meet.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> fi.Meeting("ab", between=("a", "b"), gap=3e-3, contact=fi.Rigid(0.8)).gaps
+    (0.003, inf)
+    """
+
+    name: str = field(metadata=name_text())
+    between: tuple[str, ...] = field(metadata=text(several=True))
+    gap: float = field(metadata=quantity("m", at_least=0.0))
+    contact: Rigid | KelvinVoigt
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        two = len(set(self.between)) == len(self.between) == 2
+        require(two, "between", ", ".join(self.between), "", "must be the names of two different balls")
+        law = getattr(self.contact, "name", self.contact)
+        require(isinstance(self.contact, Rigid | KelvinVoigt), "contact", law, "", "must be Rigid or KelvinVoigt")
+
+    @property
+    def gaps(self) -> tuple[float, float]:
+        """Gap (m) to where the balls touch; they part without end."""
+        return self.gap, math.inf
+
+
+def check_meetings(meetings: Sequence[Meeting], place_of: Mapping[str, Position]) -> None:
+    """Refuse meetings of balls that are unknown, at two places of the beam, or met in another one."""
+    pairs = list[set[str]]()
+    for meeting in meetings:
+        key, (a, b) = f"meeting.{meeting.name}.between", meeting.between
+        for name in (a, b):
+            require_name(name, place_of, key)
+        allowed = f"must be balls at one place of the beam: {a} is at {place_of[a]}, {b} at {place_of[b]}"
+        require(place_of[a] == place_of[b], key, f"{a}, {b}", "", allowed)
+        require({a, b} not in pairs, key, f"{a}, {b}", "", "must be two balls that no other meeting has")
+        pairs.append({a, b})
+
+
 def _check_ends(connection: Any) -> None:
     """Refuse a spring or a dashpot whose fields are out of range, or whose ends are at one place."""
     check_fields(connection)
@@ -406,11 +461,12 @@ class Structure:
     dashpots: Sequence[Dashpot] = ()
     absorbers: Sequence[Absorber] = ()
     axial: Axial | None = field(default=None, metadata=optional(instance(Axial)))
+    meetings: Sequence[Meeting] = ()
 
     def __post_init__(self) -> None:
         kinds = {
             "masses": PointMass, "impactors": Impactor, "supports": Support, "stops": Stop, "springs": Spring,
-            "dashpots": Dashpot, "absorbers": Absorber,
+            "dashpots": Dashpot, "absorbers": Absorber, "meetings": Meeting,
         }  # fmt: skip
         for key in kinds:
             if isinstance(getattr(self, key), list):
@@ -422,9 +478,9 @@ class Structure:
             for item in getattr(self, key):
                 require_type(item, kind, key)
         hung = (*self.springs, *self.dashpots, *self.absorbers)
-        named: tuple[Any, ...] = (*self.masses, *self.impactors, *self.stops, *hung)
+        named: tuple[Any, ...] = (*self.masses, *self.impactors, *self.stops, *hung, *self.meetings)
         names = [item.name for item in named]
-        allowed = "must be distinct among masses, impactors, stops, springs, dashpots and absorbers"
+        allowed = "must be distinct among masses, impactors, stops, springs, dashpots, absorbers and meetings"
         require(len(set(names)) == len(names), "name", names, "", allowed)
         for name in names:
             plain = isinstance(name, str) and re.fullmatch(r"[A-Za-z][\w -]*", name) and name not in RESERVED
@@ -442,6 +498,7 @@ class Structure:
         ]
         if beyond:
             raise InputError(beyond)
+        check_meetings(self.meetings, {ball.name: self._metres_of(ball.at) for ball in self.impactors})
         self._check_supports()
         if self.axial is not None:
             held = bool(self.supports or self.springs_to_base)
@@ -461,6 +518,7 @@ class Structure:
             for key, names in labels.items()
             if names
         }
+        rows |= {f"meeting {one.name}": " and ".join(one.between) for one in self.meetings}
         rows["damping"] = "none" if self.damping is None else repr(self.damping)
         if self.gravity:
             rows["gravity"] = f"{self.gravity:g} m/s^2"
@@ -498,12 +556,16 @@ class Structure:
         """Springs between the beam and the base, of a stiffness that holds."""
         return tuple(spring for spring in self.springs if spring.to is None and spring.stiffness > 0.0)
 
+    def _metres_of(self, at: Position) -> Position:
+        """Metres from the root of a place, or its name where only a mesh has it."""
+        standard: dict[Position, float] = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
+        place = self.place_of(at)
+        return standard.get(place, place)
+
     def _check_supports(self) -> None:
         held = [kind for support in self.supports for kind in SUPPORTS[support.kind]]
-        standard = {"root": 0.0, "tip": self.beam.length, "mid": 0.5 * self.beam.length}
         holding: tuple[Any, ...] = tuple(s for s in self.supports if "w" in SUPPORTS[s.kind])
-        bare_places = [self.place_of(s.at) for s in (*holding, *self.springs_to_base)]
-        places = [standard.get(str(at), at) for at in bare_places]
+        places = [self._metres_of(s.at) for s in (*holding, *self.springs_to_base)]
         metres = [place for place in places if not isinstance(place, str)]
         apart = bool(metres) and max(metres) - min(metres) > 1e-6 * self.beam.length
         # a name that only the mesh defines counts as a separate place here; assembly checks again where it is
@@ -531,7 +593,7 @@ def glue_impactors(structure: Structure) -> Structure:
     """
     require_type(structure, Structure, "structure")
     glued = tuple(PointMass(ball.name, ball.at, ball.mass) for ball in structure.impactors)
-    return replace(structure, masses=(*structure.masses, *glued), impactors=())
+    return replace(structure, masses=(*structure.masses, *glued), impactors=(), meetings=())
 
 
 USUAL_MODULUS = (1e8, 2e12)
@@ -612,7 +674,7 @@ def _of_gaps(structure: Structure) -> Iterator[UnusualNumber]:
     pairs = [(f"impactor.{ball.name}", ball.gaps) for ball in structure.impactors]
     for path, gaps in [*pairs, *((f"stop.{stop.name}", stop.gaps) for stop in structure.stops)]:
         # one wall out of reach may be meant
-        if length < min(gaps):
+        if length < min(gaps) < math.inf:
             yield _too_long(f"{path}.gap", min(gaps), length, f"wider than the beam is long, {length:.4g} m")
     for body in structure.masses:
         if length < abs(body.offset):

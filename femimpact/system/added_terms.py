@@ -175,7 +175,7 @@ def _with_contacts(bare: System, contacts: tuple[ContactPair, ...]) -> System:
     rows = np.array([-pair.direction if pair.is_stop else pair.direction for pair in contacts])
     compliance = flexibility(bare, rows.reshape(len(contacts), bare.dofs))
     pairs = tuple(
-        replace(pair, first_mode=first_mode_at(bare, modes, row), flexibility=float(flexible))
+        pair if pair.between else replace(pair, first_mode=first_mode_at(bare, modes, row), flexibility=float(flexible))
         for pair, row, flexible in zip(contacts, rows, compliance, strict=True)
     )
     frequency = float(modes.natural_frequency[0])

@@ -371,8 +371,8 @@ class State:
         """u, u', y, y' at the start relative to the base (m and m/s), checked for size and gaps.
 
         y and y' have one entry for each contact pair: zero for stops that are fixed to the base, ub and ub' for
-        those fixed in space. Rigid contacts start between their walls, to 1e-12 m, but where a run has left them;
-        compliant ones anywhere (`State`).
+        those fixed in space, y_a - y_b and its rate for balls that meet. Rigid contacts start between their walls, to
+        1e-12 m, but where a run has left them; compliant ones anywhere (`State`).
 
         Raises
         ------
@@ -396,6 +396,8 @@ class State:
         in_space = np.array([float(pair.fixed_to == "space") for pair in stops])
         y = np.concatenate([y, in_space * float(base.displacement(self.time))])
         y_rate = np.concatenate([y_rate, in_space * float(base.velocity(self.time))])
+        for j, (first, second) in system.meetings.items():
+            y[j], y_rate[j] = y[first] - y[second], y_rate[first] - y_rate[second]
         if self._left_there(system, base) is not None:
             return u, v, y, y_rate
         for j, pair in enumerate(system.contacts):
@@ -405,6 +407,8 @@ class State:
             own = "" if pair.is_stop else "ball_displacement of State less "
             reach = f"{-pair.gaps[1]:g} to {pair.gaps[0]:g} m"
             allowed = f"must start between its walls, {reach}; it is {own}the beam's displacement there"
+            if pair.between:
+                allowed = f"must be at most {pair.gaps[0]:g} m; it is y of {' less y of '.join(pair.between)}"
             inside = -pair.gaps[1] - ROUNDED <= x <= pair.gaps[0] + ROUNDED
             require(inside, f"initial.{pair.name}.gap", x, "m", allowed)
         return u, v, y, y_rate

@@ -89,6 +89,9 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
     solve = stiffness_solver(system)
     x, normal, depth, y = np.zeros((4, len(pairs)))
     load = np.array(system.constant_load)
+    loaded = [pair.name for pair in pairs if not pair.is_stop and pair.acceleration]
+    allowed = f"is not known of balls that meet under a constant force, {', '.join(loaded)}: run until they rest"
+    require(not (loaded and system.meetings), "initial", "static", "", allowed)
     for j, pair in enumerate(pairs):
         if pair.is_stop:
             y[j] = offset if pair.fixed_to == "space" else 0.0
@@ -101,7 +104,7 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
     u = solve(load)
     walls = [
         (j, side, gap)
-        for j, pair in enumerate(pairs) if pair.is_stop
+        for j, pair in enumerate(pairs) if pair.kind == "stop"
         for side, gap in zip((1.0, -1.0), pair.gaps, strict=True) if math.isfinite(gap)
     ]  # fmt: skip
     if walls:
@@ -112,6 +115,8 @@ def static_contacts(system: Any, stop_displacement: float = 0.0) -> StaticContac
     for j, pair in enumerate(pairs):
         if not pair.is_stop:
             y[j] = x[j] + pair.direction @ u
+    for j, (first, second) in system.meetings.items():
+        y[j] = y[first] - y[second]
     return StaticContacts(u, y, normal, depth)
 
 

@@ -36,12 +36,13 @@ from femimpact.errors import (
     quantity,
     real_array,
     require,
+    require_name,
     require_type,
     suggestion,
 )
 from femimpact.excitation.excitation import LineLoad
-from femimpact.structure.structure import Absorber, Impactor, Position, Stop
-from femimpact.system.contact_pair import ContactPair, contact_pair
+from femimpact.structure.structure import Absorber, Impactor, Meeting, Position, Stop, check_meetings
+from femimpact.system.contact_pair import ContactPair, contact_pair, meeting_pairs, meetings_of
 from femimpact.system.hermite import (
     DERIVATIVE,
     OFF_BEAM,
@@ -145,7 +146,7 @@ class System:
     first_frequency : float, Hz
         First natural frequency of the structure, without balls and undamped.
     contacts : tuple of ContactPair
-        Balls first, then stops.
+        Balls first, then stops and balls that meet.
     rayleigh : pair of float, optional
         alpha (1/s) and beta (s) where C = alpha M + beta K.
     directions : mapping of str to ndarray (dofs,)
@@ -219,7 +220,10 @@ class System:
         names = [pair.name for pair in self.contacts]
         require(len(set(names)) == len(names), "contacts", names, "", "must have distinct names")
         stops = [pair.is_stop for pair in self.contacts]
-        require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops")
+        require(stops == sorted(stops), "contacts", names, "", "must be balls first, then stops and meetings")
+        for pair in self.contacts:
+            for name in pair.between:
+                require_name(name, (ball.name for ball in self.balls), f"contacts.{pair.name}.between")
         _together(self, origin.contacts)
 
     def _set_reactions(self, reactions: Mapping[str, Reaction]) -> None:
@@ -240,6 +244,7 @@ class System:
         nodes: ArrayLike | None = None,
         expansion: Any = None,
         absorbers: Sequence[Absorber] = (),
+        meetings: Sequence[Meeting] = (),
     ) -> System:
         """Any linear structure by its matrices: M u'' + C u' + K u = -base_load ub'' + constant_load + sum_j b_j F_j.
 
@@ -254,6 +259,8 @@ class System:
             be, as of dofs that turn.
         impactors, stops, absorbers : sequences
             Their `at` is a name among the points.
+        meetings : sequence of Meeting
+            Of balls at one point.
         constant_load : array_like (dofs,), N
             Constant force on the structure; the default is none. Balls have an `acceleration` each.
         nodes : array_like (n,), m
@@ -267,7 +274,8 @@ class System:
         InputError
             For shapes that do not fit, matrices that are not symmetric or not definite, unknown names.
         """
-        _check_parts(points, impactors, absorbers, stops)
+        _check_parts(points, impactors, absorbers, stops, meetings)
+        check_meetings(meetings, {ball.name: ball.at for ball in impactors})
         matrices = _checked_matrices(M, C, K)
         dofs = matrices["M"].shape[0]
         require(len(points) > 0, "points", "none", "", 'must name at least one place, as {"tip": [1.0]}')
@@ -304,7 +312,12 @@ class System:
             directions=rows,
             constant_load=None if constant_load is None else checked_row("constant_load", constant_load, dofs),
         )
-        first, contacts = _contacts_of_matrices(bare, dense, rank, (*impactors, *absorbers, *stops))
+        items: tuple[Impactor | Absorber | Stop, ...] = (*impactors, *absorbers, *stops)
+        names = [*(item.name for item in items), *(item.name for item in meetings)]
+        distinct = len({*names, *points}) == len(names) + len(points)
+        require(distinct, "name", names, "", "must be distinct, and not the name of a point")
+        first, contacts = _contacts_of_matrices(bare, dense, rank, items)
+        contacts += meeting_pairs(meetings, contacts)
         return with_checked_fields(bare, first_frequency=first, contacts=contacts)
 
     @property
@@ -320,9 +333,9 @@ class System:
         if self.nodes.size:
             values["nodes"] = f"{self.nodes.size} from {self.nodes[0]:.5g} to {self.nodes[-1]:.5g} m"
         for pair in self.contacts:
-            body = "stop" if pair.is_stop else f"{pair.mass:.5g} kg"
+            body = pair.kind if pair.is_stop else f"{pair.mass:.5g} kg"
             values[pair.name] = f"{body}, gaps {pair.gaps[0]:.5g} and {pair.gaps[1]:.5g} m, {pair.law.name}"
-            if not pair.has_walls:
+            if pair.kind == "absorber":
                 values[pair.name] = f"{body} on {pair.free_stiffness:.5g} N/m and {pair.free_damping:.5g} N s/m"
         return head_of_values(f"System: {self.dofs} dofs, contacts: {len(self.contacts)}", values)
 
@@ -330,6 +343,11 @@ class System:
     def balls(self) -> tuple[ContactPair, ...]:
         """The contact pairs that are balls; they come first in `contacts`."""
         return tuple(pair for pair in self.contacts if not pair.is_stop)
+
+    @property
+    def meetings(self) -> dict[int, tuple[int, int]]:
+        """Of the pairs that are balls that meet, by their number: those of the two balls."""
+        return meetings_of(self.contacts)
 
     @cached_property
     def default_place(self) -> str:
@@ -538,7 +556,8 @@ class System:
         shares = np.zeros((len(self.reactions), len(self.contacts)))
         if self.reactions:
             for j, pair in enumerate(self.contacts):
-                shares[:, j] = (-1.0 if pair.is_stop else 1.0) * self.held_shares(pair.position)
+                if not pair.between:
+                    shares[:, j] = pair.sign * self.held_shares(pair.position)
         return own(shares)
 
     def point_row(self, at: Position | LineLoad) -> Array:
@@ -594,13 +613,14 @@ class System:
         return {name: value for name, value in self.__dict__.items() if not name.startswith("derived")}
 
 
-def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any) -> None:
-    """Refuse named places, balls, absorbers and stops that are of the wrong kind."""
+def _check_parts(points: Any, impactors: Any, absorbers: Any, stops: Any, meetings: Any) -> None:
+    """Refuse named places, balls, absorbers, stops and meetings that are of the wrong kind."""
     require_type(points, Mapping, "points")
     for name in points:
         checked("points", name, name_text())
     parts: tuple[tuple[str, Any, Any], ...]
     parts = ("impactors", impactors, Impactor), ("absorbers", absorbers, Absorber), ("stops", stops, Stop)
+    parts += (("meetings", meetings, Meeting),)
     for key, bodies, kind in parts:
         require(isinstance(bodies, (list, tuple)), key, type(bodies).__name__, "", "must be a list")
         for item in bodies:
@@ -631,9 +651,6 @@ def _contacts_of_matrices(
     elastic = rank == system.dofs
     # equal parts share the lowest frequency: what their modes have at a place together does not hang on their choice
     lowest = vectors[:, omega_squared <= omega_squared[0] * (1.0 + ALIKE)]
-    names = [item.name for item in items]
-    distinct = len({*names, *system.points}) == len(names) + len(system.points)
-    require(distinct, "name", names, "", "must be distinct, and not the name of a point")
     contacts = []
     for item in items:
         require(item.at in system.points, f"{item.name}.at", item.at, "", suggestion(str(item.at), system.points))
@@ -651,7 +668,7 @@ def _contacts_of_matrices(
 def without_impactors(system: System) -> System:
     """The same system with its cavities empty: no ball, no absorber, no contact but that of stops."""
     require_type(system, System, "system")
-    return replace(system, contacts=tuple(pair for pair in system.contacts if pair.is_stop))
+    return replace(system, contacts=tuple(pair for pair in system.contacts if pair.kind == "stop"))
 
 
 FIELDS = tuple(item.name for item in fields(System))

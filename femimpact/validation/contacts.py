@@ -29,7 +29,7 @@ from femimpact.integrators.event_driven import EventDriven
 from femimpact.integrators.runs import integrate
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.response.response import Recorder, Response
-from femimpact.structure.structure import Impactor, Stop
+from femimpact.structure.structure import Impactor, Meeting, Stop
 from femimpact.system.state import State
 from femimpact.system.system import System
 from femimpact.validation.case import Case, oscillator
@@ -216,6 +216,29 @@ def row_of_bodies() -> Iterator[Case]:
         )  # fmt: skip
 
 
+def balls_that_meet() -> Iterator[Case]:
+    """A cradle of three and a stack of two on a floor: balls in touch have one impact, others one after the other."""
+    lower, upper = 0.01, 0.003
+    apart = ((lower - 3 * upper) / (lower + upper), (3 * lower - upper) / (lower + upper))
+    for words, masses, gap, restitution, speeds, after in (
+        ("cradle of three balls in touch", [lower] * 3, 0.0, 1.0, (1.0, 0.0, 0.0), (-1 / 3, 2 / 3, 2 / 3)),
+        ("cradle of three balls apart", [lower] * 3, 1e-6, 1.0, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ("cradle of three balls apart, e = 0.05", [lower] * 3, 1e-2, 0.05, (1.0, 0.0, 0.0), (1 / 3, 1 / 3, 1 / 3)),
+        ("stack of two balls in touch", [lower, upper], 0.0, 1.0, (-1.0, -1.0), (1.0, 1.0)),
+        ("stack of two balls apart", [lower, upper], 1e-6, 1.0, (-1.0, -1.0), apart),
+    ):
+        law, names, floors = Rigid(restitution), "abc"[: len(masses)], (0.1, math.inf, math.inf)
+        balls = [Impactor(x, "floor", m, (math.inf, g), law) for x, m, g in zip(names, masses, floors, strict=False)]
+        met = [Meeting(a + b, (a, b), gap, law) for a, b in itertools.pairwise(names)]
+        start = State(ball_displacement=[-0.05 * (speeds[0] > 0.0), *[0.0] * (len(names) - 1)], ball_velocity=speeds)
+        system = System.from_matrices([[1.0]], [[0.1]], [[1.0]], points={"floor": [0]}, impactors=balls, meetings=met)
+        channels = [f"{x}.velocity" for x in names]
+        run = integrate(system, Sine(0.0, 1.0), EventDriven(), 0.2, Recorder(channels), start)
+        error = max(abs(float(run[x][-1]) - speed) for x, speed in zip(channels, after, strict=True))
+        name, source = f"balls that meet: {words}", "derived here (momentum and restitution)"
+        yield Case(name, source, "largest error of the speeds", "m/s", 0.0, error, 1e-12, "rounding")
+
+
 def at_one_instant() -> Iterator[Case]:
     """Balls of 1 kg that meet a free wall of 1 kg at 1 m/s and at one instant: u+ = -e u- for each of them.
 
@@ -349,6 +372,7 @@ def nearly_rigid_meets_its_wall() -> Iterator[Case]:
 IMPACT_CASES = (
     collision,
     row_of_bodies,
+    balls_that_meet,
     at_one_instant,
     ball_comes_to_rest,
     ball_leaves_the_table,

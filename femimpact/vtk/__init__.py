@@ -164,7 +164,7 @@ def write_deflection(
         If impacts have no frame: more of them than `most` lets in, or states that cannot be computed.
     """
     path = checked_path(path)
-    names = [pair.name for pair in response.system.contacts]
+    names = [pair.name for pair in response.system.contacts if not pair.between]
     return _write(path, deflection_series(response, structure, exaggeration, most, frame), DEFLECTION, names)
 
 

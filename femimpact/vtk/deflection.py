@@ -58,7 +58,7 @@ class ContactRecord:
 
     def on_beam(self, pair: int) -> float:
         """Sign of a force on the beam where the ball, or the beam beside a stop, is at its + wall."""
-        return -1.0 if self.response.system.contacts[pair].is_stop else 1.0
+        return self.response.system.contacts[pair].sign
 
     @cached_property
     def begins(self) -> NDArray[np.float64]:
@@ -129,16 +129,21 @@ class ContactRecord:
             name, side, end = str(sticking.impactor[phase]), sticking.side[phase], float(sticking.start[phase])
             rows = self._accumulation(name, int(side), end)
             left_out.update(rows[1:])
-            what = f"{name} sticks to the {_sign(side)} wall: end of an accumulation of {len(rows)} impacts"
+            what = f"{self._meets(name, side, 'sticks to')}: end of an accumulation of {len(rows)} impacts"
             events.append(Instant(end, what, self.names.index(name)))
         for i in self.rows:
             if int(i) not in left_out:
                 name, side, pair = str(impacts.impactor[i]), impacts.side[i], self.names.index(str(impacts.impactor[i]))
-                what = f"{name} meets the {_sign(side)} wall at {impacts.approach_speed[i]:.4g} m/s"
+                what = f"{self._meets(name, side)} at {impacts.approach_speed[i]:.4g} m/s"
                 impulse = self.on_beam(pair) * float(side * impacts.impulse[i])
                 events.append(Instant(float(impacts.time[i]), what, pair, impulse))
         in_window = (item for item in events if self.start <= item.time <= self.end)
         return sorted(in_window, key=lambda item: item.time)
+
+    def _meets(self, name: str, side: float, verb: str = "meets") -> str:
+        """What meets what, of a pair."""
+        between = self.response.system.contacts[self.names.index(name)].between
+        return f"{between[0]} {verb} {between[1]}" if between else f"{name} {verb} the {'+' if side > 0 else '-'} wall"
 
     def _accumulation(self, name: str, side: int, end: float) -> list[int]:
         """Rows of the table of impacts that lead to a sticking phase, in the order of time."""
@@ -153,10 +158,6 @@ class ContactRecord:
             rows.append(int(i))
             wait = between
         return rows[::-1]
-
-
-def _sign(side: float) -> str:
-    return "+" if side > 0 else "-"
 
 
 MOST_DOFS = 200
@@ -401,9 +402,10 @@ def _contacts(response: Response, forces: NDArray[np.float64], impulses: NDArray
         known = (("force", force, "N"), ("impulse", impulse, "N s"))
         values = [f"{what} {number_text(abs(value), 3)} {unit}" for what, value, unit in known if value != 0.0]
         if values:
-            pressed = (impulse or force) * (-1.0 if pair.is_stop else 1.0)
-            place = f"{'+' if pressed > 0.0 else '-'} {'side' if pair.is_stop else 'wall'}"
-            lines.append(f"{pair.name} on its {place}: {', '.join(values)}")
+            pressed = (impulse or force) * pair.sign
+            place = f"on its {'+' if pressed > 0.0 else '-'} {'side' if pair.is_stop else 'wall'}"
+            place = f"of {' and '.join(pair.between)}" if pair.between else place
+            lines.append(f"{pair.name} {place}: {', '.join(values)}")
     return "\n".join(lines)
 
 
@@ -439,7 +441,7 @@ def _at_marks(scene: Scene, response: Response, values: NDArray[np.float64]) -> 
     result = np.zeros_like(scene.points)
     for point, pair, side, reaction in scene.marks:
         # the + wall of a box is pushed towards +w, and the beam away from its + stop
-        pressed = -side if response.system.contacts[pair].is_stop else side
+        pressed = response.system.contacts[pair].sign * side
         if pressed * values[pair] > 0.0:
             result[point, 1] = -values[pair] if reaction else values[pair]
     return result

@@ -66,6 +66,8 @@ class Transition:
         # x_j = rows_j (u, y) is what the gaps bound, but for a stop in space
         directions = np.array([pair.direction for pair in self.system.contacts]).reshape(-1, self.system.dofs)
         self.rows = np.hstack([-directions, np.eye(len(directions), len(balls))])
+        for j, (first, second) in self.system.meetings.items():
+            self.rows[j, self.system.dofs + np.array([first, second])] = 1.0, -1.0
 
     @property
     def size(self) -> int:

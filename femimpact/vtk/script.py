@@ -402,13 +402,15 @@ def write_script(
     """Write the script of a series, or add the series to that of its folder."""
     size = float(summary.all.high[0] - summary.all.low[0])
     first = _first(summary)
+    # balls that meet, after all others, have no view of their own
+    pressed = first.pressed if 0 <= first.pressed < len(names) else 0
     longest = size * max((share for name, (_, _, share, _) in ARROWS.items() if summary.peak(name) > 0.0), default=0.0)
     margins = ((len(ARROWS) + 1) * BESIDE * size, longest)
     close = {name: summary.contacts[pair].with_arrows(*margins).bounds() for pair, name in enumerate(names)}
     arrows = [(words, summary.peak(name), unit) for name, (words, unit, _, _) in ARROWS.items()]
     about = {
         "START": first.time,
-        "CLOSE_UP": names[max(first.pressed, 0)] if names else None,
+        "CLOSE_UP": names[pressed] if names else None,
         "WORDS": view.text if path.suffix == ".pvd" else WITHOUT_FIELDS,
         "COLOUR": view.stress[0],
         "CALCULATED": view.stress[1],

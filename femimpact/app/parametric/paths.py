@@ -35,7 +35,7 @@ from femimpact.integrators.methods import METHODS, Method
 from femimpact.integrators.stepping.newmark import Newmark
 from femimpact.structure.beam import ModalDamping, Rayleigh
 from femimpact.structure.structure import Structure, gaps_with
-from femimpact.system.contact_pair import ContactPair
+from femimpact.system.contact_pair import ContactPair, root_mobility
 from femimpact.system.modes import rayleigh_of, with_damping, with_modal_damping
 from femimpact.system.reduction import reduce, reduced_on
 from femimpact.system.system import System, with_checked_pairs
@@ -64,8 +64,8 @@ class Place:
 
 
 PARTS = {
-    "mass": "masses", "impactor": "impactors", "stop": "stops", "spring": "springs", "dashpot": "dashpots",
-    "absorber": "absorbers",
+    "mass": "masses", "impactor": "impactors", "stop": "stops", "meeting": "meetings", "spring": "springs",
+    "dashpot": "dashpots", "absorber": "absorbers",
 }  # fmt: skip
 """Tables of a study file, and the fields of `Structure` that they become."""
 
@@ -141,14 +141,13 @@ def _units_of_base(base: Any) -> Mapping[str, str]:
 
 def _places_of_system(system: System) -> Iterator[Place]:
     for pair in system.contacts:
-        owner = "stop" if pair.is_stop else "impactor" if pair.has_walls else "absorber"
         if pair.has_walls:
-            yield _place(owner, pair.name, "gap", "m", Stage.CASE)
+            yield _place(pair.kind, pair.name, "gap", "m", Stage.CASE)
         if not pair.is_stop:
             units = {"mass": "kg", "free_stiffness": "N/m", "acceleration": "m/s^2", "free_damping": "N s/m"}
             for name in OF_BALL:
-                yield _place(owner, pair.name, name, units[name], Stage.BALL)
-        yield from _law_of(owner, pair.name, pair.law)
+                yield _place(pair.kind, pair.name, name, units[name], Stage.BALL)
+        yield from _law_of(pair.kind, pair.name, pair.law)
     yield from _excitation_and_start([pair.name for pair in system.balls], BASE)
 
 
@@ -170,10 +169,11 @@ def _fields_of(noun: Any, owner: str, part: str, stage: Stage) -> Iterator[Place
     for item in dataclasses.fields(noun):
         unit = item.metadata.get("unit", "")
         is_place = item.name in ("at", "to")
-        if not unit and not is_place:
+        closed = item.name != "gap" or min(noun.gaps) < math.inf
+        if not (unit or is_place) or not closed:
             continue
         changed = stage
-        if owner in ("impactor", "stop"):
+        if owner in ("impactor", "stop", "meeting"):
             # an acceleration is added to gravity, which the structure has
             of_ball = item.name in OF_BALL and item.name != "acceleration"
             changed = Stage.CASE if item.name == "gap" else Stage.BALL if of_ball else stage
@@ -233,7 +233,7 @@ def _with(noun: Any, keys: Sequence[str], value: Any) -> Any:
     if not keys:
         return value
     first, *rest = keys
-    if first == "gap" and math.inf in noun.gaps:
+    if first == "gap" and isinstance(noun.gap, tuple) and math.inf in noun.gap:
         value = gaps_with(noun.gaps, value)
     if isinstance(noun, tuple):
         return tuple(_with(item, rest, value) if first in ("", item.name) else item for item in noun)
@@ -380,6 +380,9 @@ def _with_balls(system: System, values: Values) -> System:
     contacts = {pair.name: pair for pair in system.contacts}
     for place, value in values.items():
         contacts[place.part] = pair_with(contacts[place.part], place.field, value)
+    for name, pair in contacts.items():
+        if pair.between:
+            contacts[name] = replace(pair, first_mode=root_mobility([contacts[ball] for ball in pair.between]))
     return with_checked_pairs(system, tuple(contacts.values()))
 
 

@@ -385,7 +385,9 @@ def history_of_case(
     given: Any = study.study
     changed = study_with(given, {place: value for place, value in values.items() if place.stage is Stage.CASE})
     structure: Any = changed.structure
-    bodies = {item.name: item for item in (*structure.impactors, *structure.absorbers, *structure.stops)}
+    bodies = {
+        item.name: item for item in (*structure.impactors, *structure.absorbers, *structure.stops, *structure.meetings)
+    }
     system = study.systems.of(values)
     contacts = tuple(
         replace(pair, gaps=bodies[pair.name].gaps, law=bodies[pair.name].contact) for pair in system.contacts

@@ -98,7 +98,7 @@ document.querySelectorAll(".player").forEach(function (root) {
   const rise = 0.5 * Math.max(0, ...data.contacts.map((contact) => (contact.stop ? 0 : lift(contact))));
   const high = (function () {
     let most = 1.15 * data.larger * reach + 0.05 * data.length;
-    for (const contact of data.contacts) if (!contact.stop) most = Math.max(most, data.larger * (reach + contact.room) + 2.4 * contact.radius);
+    for (const contact of data.contacts) if (!contact.stop) most = Math.max(most, data.larger * (reach + contact.room) + 2.4 * contact.radius + Math.abs(contact.beside[0]));
     for (const block of data.blocks) {
       const top = Math.max(...block.corners[0].map(([, y]) => Math.abs(y)));
       most = Math.max(most, block.x === null ? Math.min(top, 0.25 * data.length) : top + data.larger * reach);
@@ -219,9 +219,14 @@ document.querySelectorAll(".player").forEach(function (root) {
     return contact.hung ? contact.foot + data.larger * contact.room + 2 * contact.radius : 0;
   }
 
+  // distance from the axis at which a ball stands that meets others, at the scale that is shown
+  function beside(contact) {
+    return contact.beside[state.scale === 1 ? 1 : 0];
+  }
+
   function drawBall(pen, contact, j, moved, scale, paint) {
-    const lit = Math.max(flash(j, 1), flash(j, -1));
-    const offset = lift(contact) + moved;
+    const lit = Math.max(flash(j, 1), flash(j, -1), flash(j, 0));
+    const offset = lift(contact) + beside(contact) + moved;
     if (contact.hung) {
       const turns = 8;
       const end = offset - contact.radius;
@@ -272,7 +277,7 @@ document.querySelectorAll(".player").forEach(function (root) {
     const scale = Math.min(height / (2 * high), width / (3.4 * contact.radius));
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    pen.translate(0.5 * width, hung ? height - 4 - scale * contact.foot : 0.5 * height);
+    pen.translate(0.5 * width, hung ? height - 4 - scale * contact.foot : 0.5 * height + scale * beside(contact));
     if (hung) {
       const there = (block) => block.part === "body" && Math.abs(block.x - contact.x) < 1e-9 * data.length;
       for (const block of data.blocks.filter(there)) drawBlock(pen, block, scale, paint);
@@ -280,8 +285,11 @@ document.querySelectorAll(".player").forEach(function (root) {
       const ends = [-contact.x, data.length - contact.x].map((x) => Math.min(Math.max(scale * x, -0.5 * width), 0.5 * width));
       pen.fillRect(ends[0], -1.5, ends[1] - ends[0], 3);
     }
-    for (const block of data.blocks) if (block.pair === j) drawBlock(pen, block, scale, paint);
-    drawBall(pen, contact, j, s * (mixed(flight, balls, number, at) - beamAt(contact.x, at).w), scale, paint);
+    const place = beamAt(contact.x, at).w;
+    // those that it meets are drawn beside it
+    const shown = data.contacts.map((one, k) => k).filter((k) => k === j || contact.met.includes(k));
+    for (const block of data.blocks) if (shown.includes(block.pair)) drawBlock(pen, block, scale, paint);
+    for (const k of shown) drawBall(pen, data.contacts[k], k, s * (mixed(flight, balls, k, at) - place), scale, paint);
   }
 
   function draw() {

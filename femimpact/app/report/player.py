@@ -22,7 +22,7 @@ from femimpact.figures.drawing import COLOURS, GREY, OffScreen, label_axes, lege
 from femimpact.response.history import Snapshots, shown_snapshots
 from femimpact.response.impacts import Impacts
 from femimpact.response.response import Response
-from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, placed_structure
+from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, offsets_of, placed_structure
 from femimpact.scene.scene import BODY, BOX, PARTS, STOP, SUPPORT, Body, bodies_on_beam, chosen_exaggeration
 from femimpact.structure.structure import Structure
 from femimpact.system.hermite import hermite_rows
@@ -94,8 +94,11 @@ def frames_of(response: Response) -> Frames | None:
         balls[:, j] = np.interp(times, known[order], np.concatenate([snapshots.ball_displacement[:, j], walls])[order])
     space = -np.asarray(response.base.displacement(times), dtype=float)
     frames = np.searchsorted(times, hits["time"])
-    events = tuple(zip(frames.tolist(), hits["contact"].tolist(), hits["side"].tolist(), strict=True))
-    return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, events)
+    events = list(zip(frames.tolist(), hits["contact"].tolist(), hits["side"].tolist(), strict=True))
+    # balls that meet have no body of their own: both are hit, at no wall
+    meetings = response.system.meetings
+    shown = [(frame, ball, side if ball == j else 0) for frame, j, side in events for ball in meetings.get(j, (j,))]
+    return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, tuple(shown))
 
 
 def _hits(impacts: Impacts, shown: Array, names: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -161,7 +164,7 @@ def player_element(
     scales = [element("option", text, value=repr(float(factor))) for factor, text in factors.items()]
     close = [
         _view(f"{pair.name}, moving with its box", str(j), f"{pair.name} in its box")
-        if pair.has_walls
+        if pair.kind == "impactor"
         else _view(f"{pair.name}, moving with the beam", str(j), f"{pair.name} on its spring")
         for j, pair in enumerate(balls)
     ]
@@ -220,10 +223,12 @@ def _data(frames: Frames, placed: PlacedStructure, larger: float) -> dict[str, A
             {
                 "x": pair.position,
                 "stop": pair.is_stop,
-                "hung": not pair.has_walls,
+                "hung": pair.kind == "absorber",
                 "radius": 0.0 if pair.is_stop else ball_radius(pair.mass),
                 "foot": placed.half_height(pair.position, larger),  # of an absorber's spring
                 "room": 0.0 if pair.is_stop else _room(pair, frames.balls[:, j], at_pairs[:, j]),
+                "met": [k for k, other in enumerate(placed.contacts) if other.name in placed.met_by(pair)],
+                "beside": [offsets_of(placed.structure, scale).get(pair.name, 0.0) for scale in (larger, 1.0)],
             }
             for j, pair in enumerate(placed.contacts)
         ],
@@ -248,8 +253,8 @@ def _corners(body: Body) -> list[list[float]]:
 
 
 def _room(pair: Contact, ball: Array, beam: Array) -> float:
-    """Largest distance (m) of a ball from its middle: the wider gap, or what an absorber moves."""
-    return max(pair.gaps) if pair.has_walls else float(np.abs(ball - beam).max())
+    """Largest distance (m) of a ball from its middle: the wider gap, or what one moves that reaches a wall or none."""
+    return max(pair.gaps) if max(pair.gaps) < math.inf else float(np.abs(ball - beam).max())
 
 
 def _packed(values: Array) -> str:
@@ -265,7 +270,7 @@ def _history(response: Response, frames: Frames, key: str) -> Element:
     for colour, (j, pair) in zip(COLOURS, enumerate(balls[:MOST_CLOSE]), strict=False):
         at = int(np.argmin(np.abs(frames.stations - pair.position)))
         beam, ball = 1e3 * frames.deflection[:, at], 1e3 * frames.balls[:, j]
-        if len(balls) == 1 and pair.has_walls:
+        if len(balls) == 1 and max(pair.gaps) < math.inf:
             plus, minus = (1e3 * gap for gap in pair.gaps)
             axis.fill_between(
                 time, beam - minus, beam + plus, color=GREY, alpha=0.2, linewidth=0.0, label="between the walls"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from femimpact.app.report.markup import Element, element
-from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, zigzag
+from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, offsets_of, travel_of, zigzag
 from femimpact.scene.scene import BALL, BODY, BOX, STOP, SUPPORT, Body, bodies_on_beam
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import Position, Spring, Structure
@@ -21,13 +21,12 @@ from femimpact.units import MINUS, TIMES, prefixed, typeset_number
 
 def structure_words(structure: Structure, contacts: Sequence[Contact]) -> str:
     """A structure in a few words: how it is held, its length, its bodies, contacts, springs and dashpots."""
-    stops = sum(1 for one in contacts if one.is_stop)
-    absorbers = sum(1 for one in contacts if not one.has_walls)
+    balls, absorbers, stops = (sum(one.kind == kind for one in contacts) for kind in ("impactor", "absorber", "stop"))
     kinds = [f"{one.kind} at {_at(one.at)}" for one in structure.supports]
     root_only = len(kinds) == 1 and structure.supports[0].kind == "clamped" and structure.supports[0].at == "root"
     held = "cantilever" if root_only else f"beam ({', '.join(kinds) or 'on springs'})"
     counts = [
-        (len(structure.masses), "body", "bodies"), (len(contacts) - stops - absorbers, "ball", "balls"),
+        (len(structure.masses), "body", "bodies"), (balls, "ball", "balls"),
         (absorbers, "absorber", "absorbers"), (stops, "stop", "stops"), (len(structure.springs), "spring", "springs"),
         (len(structure.dashpots), "dashpot", "dashpots"),
     ]  # fmt: skip
@@ -55,7 +54,7 @@ def gap_words(one: Contact) -> str:
     """The gaps of a contact in words."""
     plus, minus = one.gaps
     if plus == minus:
-        return f"gaps {in_words(plus)}"
+        return f"gaps {in_words(plus)}" if plus < math.inf else "without walls"
     if math.isinf(plus) or math.isinf(minus):
         return f"gap {in_words(min(plus, minus))} on the {MINUS if math.isinf(plus) else '+'} side"
     factor, unit = prefixed(max(abs(plus), abs(minus)), "m")
@@ -98,8 +97,10 @@ def _part_words(placed: PlacedStructure, letters: dict[str, str]) -> Iterable[tu
         words = f"{in_words(body.mass, 'kg')} at {_at(body.at)}"
         yield f"{letters[body.name]}  {body.name}", f"mass.{body.name}", words
     for one in placed.contacts:
-        owner = "stop" if one.is_stop else "impactor" if one.has_walls else "absorber"
-        yield f"{letters[one.name]}  {one.name}", f"{owner}.{one.name}", _contact_words(one)
+        yield f"{letters[one.name]}  {one.name}", f"{one.kind}.{one.name}", _contact_words(one)
+    for meeting in structure.meetings:
+        words = f"{' and '.join(meeting.between)} meet, gap {in_words(meeting.gap)}, {meeting.contact.name}"
+        yield meeting.name, f"meeting.{meeting.name}", words
     for spring in structure.springs:
         owner = f"spring.{spring.name}"
         yield spring.name, owner, f"spring of {typeset_number(spring.stiffness)} N/m at {_at(spring.at)}"
@@ -137,10 +138,11 @@ def _contact_words(one: Contact) -> str:
     if one.is_stop:
         held = "space" if one.fixed_to == "space" else "the base"
         return f"fixed obstacle at {in_words(one.position)}, {gap_words(one)}, fixed to {held}{law}"
-    if not one.has_walls:
+    if one.kind == "absorber":
         hung = f"{typeset_number(one.free_stiffness)} N/m and {typeset_number(one.free_damping)} N s/m"
         return f"{in_words(one.mass, 'kg')} on {hung} at {in_words(one.position)}"
-    return f"{in_words(one.mass, 'kg')}, free between its walls at {in_words(one.position)}: {gap_words(one)}{law}"
+    free = "free between its walls" if max(one.gaps) < math.inf else "free"
+    return f"{in_words(one.mass, 'kg')}, {free} at {in_words(one.position)}: {gap_words(one)}{law}"
 
 
 # ---- drawing --------------------------------------------------------------------------------------
@@ -178,7 +180,7 @@ def structure_element(
                 f"{letters[ball.name]}  {ball.name} in its box, {gap_words(ball)}{_of_gap(varied, ball, of_design)}",
             ),
         )
-        for ball in [one for one in placed.contacts if not one.is_stop and one.has_walls][:MOST_CLOSE]
+        for ball in [one for one in placed.contacts if one.kind == "impactor"][:MOST_CLOSE]
     ]
     parts = (
         element("li", element("b", head), f" {words}") for head, words in part_words(placed, letters, varied, of_design)
@@ -226,7 +228,7 @@ def _overview(placed: PlacedStructure, letters: dict[str, str]) -> Element:
             left, right, high = min(left, low - margin), max(right, far + margin), max(high, top, -bottom)
     scale = WIDTH / (right - left)
     high = min(max(high, 0.05 * length), 0.6 * length)
-    rise = max((_lift(placed, one) for one in placed.contacts if not one.is_stop), default=0.0)
+    rise = max((_lift(placed, one) for one in placed.contacts if one.kind == "absorber"), default=0.0)
     canvas = _Canvas(left, high + rise + 34.0 / scale, scale)
     below = 0.12 * length if placed.connections else 0.0
     height = canvas.y(-max(high, below)) + 62.0
@@ -265,15 +267,17 @@ def _beam(canvas: _Canvas, structure: Structure) -> list[Element]:
 
 
 def _lift(placed: PlacedStructure, one: Contact) -> float:
-    """Height (m) above the axis at which an absorber's body is drawn; 0 of a ball."""
-    return 0.0 if one.has_walls else placed.half_height(one.position) + 3.0 * ball_radius(one.mass)
+    """Height (m) above the axis at which an absorber's body is drawn, or a ball."""
+    if one.kind == "impactor":
+        return offsets_of(placed.structure).get(one.name, 0.0)
+    return placed.half_height(one.position) + 3.0 * ball_radius(one.mass)
 
 
 def _ball(canvas: _Canvas, placed: PlacedStructure, one: Contact) -> list[Element]:
     """A ball, or the body of an absorber on its spring."""
     x, radius, high = one.position, ball_radius(one.mass), _lift(placed, one)
     circle = element("circle.ball", cx=canvas.x(x), cy=canvas.y(high), r=round(radius * canvas.scale, 2))
-    if one.has_walls:
+    if one.kind == "impactor":
         return [circle]
     foot = high - 3.0 * radius
     corners = zigzag(((x, foot), (x, high - radius)), (0.5 * radius, 0.0))
@@ -341,25 +345,26 @@ def _scale_bar(canvas: _Canvas, structure: Structure, height: float) -> list[Ele
 def _detail(placed: PlacedStructure, one: Contact) -> Element:
     """A ball in its box, with the gaps between its surface and the walls."""
     structure = placed.structure
-    radius = ball_radius(one.mass)
-    high = max(one.gaps) + 1.5 * radius
+    radius, middle, travel = ball_radius(one.mass), _lift(placed, one), travel_of(one, structure)
+    high = max((gap for gap in travel if gap < math.inf), default=0.0) + 1.5 * radius
     scale = 120.0 / high
     wide = 160.0 / scale
-    canvas = _Canvas(one.position - wide, high + 6.0 / scale, scale)
+    canvas = _Canvas(one.position - wide, middle + high + 6.0 / scale, scale)
     x = canvas.x(one.position)
     marks = []
-    for side, gap in ((1.0, one.gaps[0]), (-1.0, one.gaps[1])):
-        near, far = canvas.y(side * radius), canvas.y(side * (radius + gap))
-        if gap > 0.0:
+    for side, gap in ((1.0, travel[0]), (-1.0, travel[1])):
+        near, far = canvas.y(middle + side * radius), canvas.y(middle + side * (radius + gap))
+        if 0.0 < gap < math.inf:
             marks.append(element("path.measure", d=f"M{x} {near}V{far}M{x - 6} {near}h12M{x - 6} {far}h12"))
             marks.append(element("text", in_words(gap), x=x + 12, y=round(0.5 * (near + far) + 4.5, 2)))
     half = max(0.5 * structure.beam.drawn_at(min(one.position, structure.beam.length))[1], 0.6 / scale)
     left, right = max(one.position - wide, 0.0), min(one.position + wide, placed.length)
     number = list(placed.contacts).index(one)
+    beside = [other for other in placed.contacts if other is one or other.name in placed.met_by(one)]
     shapes = [
         *(_block(canvas, body) for body in bodies_on_beam(placed) if body.part == BOX and body.pair == number),
         canvas.polygon("beam", [(left, -half), (right, -half), (right, half), (left, half)]),
-        *_ball(canvas, placed, one),
+        *(shape for other in beside for shape in _ball(canvas, placed, other)),
         *marks,
     ]
     words = f"{one.name} in its box, {gap_words(one)}"

@@ -86,10 +86,8 @@ def without_carried(system: System) -> System:
 
 def counts_of(system: System) -> dict[str, int]:
     """Numbers of balls, absorbers and stops."""
-    counts = {"ball": 0, "absorber": 0, "stop": 0}
-    for pair in system.contacts:
-        counts["stop" if pair.is_stop else "ball" if pair.has_walls else "absorber"] += 1
-    return counts
+    kinds = {"ball": "impactor", "absorber": "absorber", "stop": "stop"}
+    return {word: sum(pair.kind == kind for pair in system.contacts) for word, kind in kinds.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -150,9 +150,9 @@ def _meanings(noun: Any) -> dict[str, str]:
     return found
 
 
-def contact_schema() -> dict[str, Any]:
-    """Schema of a contact: a law by its name, with the fields that the name leaves open."""
-    kinds = {name: Kind(noun, without=tuple(fixed)) for name, (noun, fixed) in LAWS.items()}
+def contact_schema(names: Iterable[str] = LAWS) -> dict[str, Any]:
+    """Schema of a contact: a law by one of some names, with the fields that the name leaves open."""
+    kinds = {name: Kind(LAWS[name][0], without=tuple(LAWS[name][1])) for name in names}
     laws = forms_schema(kinds, "law", "the contact law")
     for name, kind in kinds.items():
         if kind.noun is PowerLaw:

@@ -47,7 +47,17 @@ from femimpact.integrators.methods import METHODS
 from femimpact.regular_file import read_regular
 from femimpact.structure.axial import Axial
 from femimpact.structure.beam import Beam, ModalDamping, Rayleigh, Segment, require_single
-from femimpact.structure.structure import Absorber, Dashpot, Impactor, PointMass, Spring, Stop, Structure, Support
+from femimpact.structure.structure import (
+    Absorber,
+    Dashpot,
+    Impactor,
+    Meeting,
+    PointMass,
+    Spring,
+    Stop,
+    Structure,
+    Support,
+)
 
 MOST_BYTES = 10_000_000
 """Largest size of a study file, bytes."""
@@ -556,10 +566,10 @@ class _Table:
     required: bool = False
 
 
-def _of(noun: Any, place: str, many: bool = False, required: bool = False) -> _Table:
+def _of(noun: Any, place: str, many: bool = False, required: bool = False, laws: Iterable[str] = LAWS) -> _Table:
     """The table whose keys are the fields of a noun, with a table `contact` where the noun has one."""
     if any(item.name == "contact" for item in dataclasses.fields(noun)):
-        read, schema = partial(_with_contact, noun), lambda: noun_schema(noun, contact=contact_schema())
+        read, schema = partial(_with_contact, noun), lambda: noun_schema(noun, contact=contact_schema(laws))
         return _Table(place, read, schema, many=many, required=required)
     return _Table(place, partial(_noun, noun), partial(noun_schema, noun), many=many, required=required)
 
@@ -570,6 +580,7 @@ TABLES: Mapping[str, _Table] = {
     "mass": _of(PointMass, "structure.masses", many=True),
     "impactor": _of(Impactor, "structure.impactors", many=True),
     "stop": _of(Stop, "structure.stops", many=True),
+    "meeting": _of(Meeting, "structure.meetings", many=True, laws=("kelvin-voigt", "rigid")),
     "support": _of(Support, "structure.supports", many=True),
     "spring": _of(Spring, "structure.springs", many=True),
     "dashpot": _of(Dashpot, "structure.dashpots", many=True),

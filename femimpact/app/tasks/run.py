@@ -321,7 +321,7 @@ def _details(prepared: PreparedStudy) -> Iterator[str]:
     if study.structure.axial is not None:
         yield f"load along the beam: {study.structure.axial}"
     for pair in prepared.small.contacts:
-        if not pair.has_walls:
+        if pair.kind == "absorber":
             tuned = math.sqrt(pair.free_stiffness / pair.mass)
             yield (
                 f"absorber {pair.name}: {1e3 * pair.mass:.4g} g, {tuned / (2.0 * math.pi):.5g} Hz on a structure at "

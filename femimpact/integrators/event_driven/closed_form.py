@@ -44,6 +44,7 @@ from femimpact.integrators.event_driven.complex_modes import (
 from femimpact.integrators.event_driven.equations import (
     INDEPENDENT,
     Equations,
+    ball_coordinates,
     require_met,
     undamped_modes,
     wall_offsets,
@@ -461,7 +462,9 @@ def _free_bases(equations: Equations, contact: _Contact) -> list[tuple[Integers,
     motions = np.array([each.shape[1] for each in left])
     bases_of_parts = []
     for members in groups_of_equal_marks(is_loose[:, None], motions[:, None]):
-        carried = contact.pressed & ~equations.stop if is_loose[members[0]] else np.zeros_like(equations.stop)
+        # balls that meet have the gap between them as a coordinate: their motion together is as slow as without it
+        beside = is_loose[members[0]] | (np.arange(equations.stop.size) >= equations.M.shape[1] - n)
+        carried = contact.pressed & ~equations.stop & beside
         bases = stack([left[f] for f in members])
         bases_of_parts.append(
             (members, _basis_of(part_of(equations, members), bases, contact.sticking, np.flatnonzero(carried)))
@@ -505,16 +508,18 @@ def _beside_stops(equations: Equations, held: Integers, pressed: Integers) -> Ar
 
 def _basis_of(equations: Equations, left: Array, sticking: Integers, carried: Integers) -> Array:
     """Motions (F, n, m) of the structure with the balls that stick or are carried, and all other coordinates."""
-    n, (count, size, _) = equations.dofs, equations.M.shape
-    motions, held = left.shape[2], set(sticking.tolist())
-    moving = [i for i in range(n, size) if i - n not in held]
-    basis = np.zeros((count, size, motions + len(moving)))
+    n, (count, size, _), motions = equations.dofs, equations.M.shape, left.shape[2]
+    held = sticking[~equations.stop[sticking]]
+    balls, of_contact = ball_coordinates(equations.force[0, n:], np.concatenate([held, carried]), held)
+    moving = np.setdiff1d(np.arange(size - n), [of_contact[j] for j in held.tolist() if j in of_contact])
+    basis = np.zeros((count, size, motions + moving.size))
     basis[:, :n, :motions] = left
-    basis[:, moving, motions + np.arange(len(moving))] = 1.0
-    for j in (*sticking[~equations.stop[sticking]], *carried):
+    basis[:, n:, motions:] = balls[:, moving]
+    for j, column in of_contact.items():
         # a ball at a place that a stop holds is at rest to the last bit
         push = equations.force[:, None, :n, j]
-        basis[:, n + j, :motions] = _without_rounding(push @ left, np.abs(push) @ np.abs(left))[:, 0]
+        place = _without_rounding(push @ left, np.abs(push) @ np.abs(left))
+        basis[:, n:, :motions] += balls[:, column, None] * place
     return basis
 
 
@@ -578,8 +583,12 @@ def _with_sticking(
     )
     force.weight[:, sticking] = project @ left
     force.rigid_body[:, sticking] = force.rigid_body_rate[:, sticking] = 0.0
-    force.constant[:, sticking] = project @ constant
-    force.apart[:, sticking] = project @ apart
-    force.through[:, :, sticking] = through @ project.mT
-    force.follow[:, :, sticking] = follow @ project.mT
+    # balls that fly on together press on one another by rounding alone
+    met = (sticking >= M.shape[1] - equations.dofs) & ~equations.stop[sticking]
+    weight = np.where(met[:, None], np.abs(project), 0.0)
+    of_loads, of_drive = weight @ np.abs(loads.constant), _times(weight, np.abs(loads.drive).max(axis=1))[:, None]
+    force.constant[:, sticking] = _without_rounding(project @ constant, of_loads)
+    force.apart[:, sticking] = _without_rounding(project @ apart, of_loads)
+    force.through[:, :, sticking] = _without_rounding(through @ project.mT, of_drive)
+    force.follow[:, :, sticking] = _without_rounding(follow @ project.mT, of_drive)
     return force

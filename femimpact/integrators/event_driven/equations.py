@@ -48,7 +48,8 @@ class Equations:
     K: Array  # (d, d)
     drive: Array  # (H, d) loads per unit of each s(t), the base's first; constant load, N
     given: Array  # (d,)
-    # (d, pairs) what a force on the structure at each pair does to the coordinates: b there, -1 on its ball
+    # (d, pairs) what a force on the structure at each pair does to the coordinates: b there, -1 on its ball; of two
+    # balls that meet -1 on the first and 1 on the second
     force: Array
     # (pairs,) x_j = -force_j p - in_space_j ub: -1 for a stop that stays where it is while the base moves, else 0
     in_space: Array
@@ -88,7 +89,9 @@ def equations_of(system: System, drive: Drive) -> Equations:
         K += pair.free_stiffness * np.outer(force[:, j], force[:, j])
         if pair.free_damping:
             C += pair.free_damping * np.outer(force[:, j], force[:, j])
-    marks = [(pair.is_stop, pair.parameters.is_rigid, pair.fixed_to == "space") for pair in system.contacts]
+    for j, (first, second) in system.meetings.items():
+        force[n + first, j], force[n + second, j] = -1.0, 1.0
+    marks = [(pair.kind == "stop", pair.parameters.is_rigid, pair.fixed_to == "space") for pair in system.contacts]
     stop, rigid, fixed = np.array(marks, dtype=bool).reshape(-1, 3).T.copy()
     # where a force drives, the base rests in space
     in_space = np.where(fixed & stop, -drive.share, 0.0)
@@ -137,9 +140,33 @@ def wall_offsets(
             [_offsets_at_stops(part_of(equations, f), active, sticking) for f in range(equations.M.shape[0])]
         )
     # a ball at a wall 1 m away, of a structure that is undeformed
-    offset, carried = np.zeros(equations.force.shape), np.flatnonzero(active)
-    offset[:, equations.dofs + carried, carried] = 1.0
+    offset = np.zeros(equations.force.shape)
+    balls, of_contact = ball_coordinates(equations.force[0, equations.dofs :], np.flatnonzero(active), sticking)
+    for j, column in of_contact.items():
+        offset[:, equations.dofs :, j] = balls[:, column]
     return offset
+
+
+def ball_coordinates(
+    push: Array,  # (balls, pairs): `force` of the balls
+    contacts: NDArray[np.intp],  # numbers of pairs
+    sticking: NDArray[np.intp],  # those of them that stick, which come first
+) -> tuple[Array, dict[int, int]]:
+    """Motions (balls, balls) of balls of which one for each contact is its x alone, and its column by its number.
+
+    A contact that those before it leave no motion has none.
+    """
+    motions, of_contact = np.eye(push.shape[0]), dict[int, int]()
+    for j in sorted(contacts.tolist(), key=lambda j: (j not in sticking, j)):
+        x = -push[:, j] @ motions
+        able = np.setdiff1d(np.flatnonzero(x), list(of_contact.values()))
+        if able.size:
+            # rows of balls are 0, 1 and -1, and so are all sums
+            column = of_contact[j] = int(able[0])
+            motions[:, column] /= x[column]
+            x[column] = 0.0
+            motions -= np.outer(motions[:, column], x)
+    return motions, of_contact
 
 
 def _offsets_at_stops(equations: Equations, active: NDArray[np.bool_], sticking: NDArray[np.intp]) -> Array:
@@ -152,9 +179,11 @@ def _offsets_at_stops(equations: Equations, active: NDArray[np.bool_], sticking:
     deflection = np.asarray(np.linalg.lstsq(equations.K[:n, :n], push, rcond=None)[0], dtype=float)
     shape: Array = deflection if np.allclose(equations.K[:n, :n] @ deflection, push) else push
     offset[:n, stops] = _columns_meeting(shape, push, held.size)
-    for j in np.flatnonzero(active & ~equations.stop):
-        offset[n + j] = equations.force[:n, j] @ offset[:n]
-        offset[n + j, j] += 1.0
+    carried = np.flatnonzero(active & ~equations.stop)
+    balls, of_contact = ball_coordinates(equations.force[n:], carried, sticking)
+    for j, column in of_contact.items():
+        offset[n:] += np.outer(balls[:, column], equations.force[:n, j] @ offset[:n])
+        offset[n:, j] += balls[:, column]
     return offset
 
 

@@ -194,7 +194,7 @@ def _starts(system: System, cases: SineCases) -> tuple[Array, Array]:
     # a static state is another one for other gaps, a stop fixed in space has another place under every base, a rigid
     # motion and the directions of pairs are other ones on other modes
     simple = not (cases.systems or initial.is_static_on(system) or np.any(cases.gaps < 0.0))
-    simple = simple and all(pair.fixed_to == "base" for pair in system.contacts)
+    simple = simple and all(pair.fixed_to == "base" and not pair.between for pair in system.contacts)
     if simple and initial.pull is initial.blow is initial.displacement is initial.velocity is None:
         position, velocity = np.zeros((2, cases.frequency.size, n + balls))
         position[:, n:], velocity[:, n:] = np.nan_to_num(cases.ball_displacement), cases.ball_velocity

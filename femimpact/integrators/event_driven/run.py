@@ -472,8 +472,8 @@ def _open_contacts(run: _Run) -> tuple[str, ...]:
         if state[j] == FREE:
             continue
         if run.block.pairs.rigid[j]:
-            wall, start = "+" if state[j] > 0 else "-", _begun(run.block, j)
-            notes.append(f"{pair.name} sticks to its {wall} wall since t = {start:.4g} s")
+            wall = "" if pair.between else f" to its {'+' if state[j] > 0 else '-'} wall"
+            notes.append(f"{pair.name} sticks{wall} since t = {_begun(run.block, j):.4g} s")
         else:
             notes.append(
                 f"{pair.name} is in contact at the end: that contact counts in forces and energies but is no finished "

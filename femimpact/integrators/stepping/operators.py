@@ -159,6 +159,9 @@ def check_step(method: SteppingMethod, system: System) -> tuple[str, ...]:
 def _check_laws(system: System, method: SteppingMethod) -> None:
     """Refuse a rigid contact without impulses, and a compliant one with them."""
     name, impulses = type(method).__name__, scheme_of(method).rigid
+    meetings = ", ".join(pair.name for pair in system.contacts if pair.between)
+    allowed = f"must not be there for {name}: balls that meet, with Rigid or KelvinVoigt walls, are for EventDriven()"
+    require(not meetings, "meeting", meetings, "", allowed)
     for pair in system.contacts:
         if not pair.has_walls:
             continue
