@@ -12,7 +12,7 @@ from femimpact.arrays import Array
 from femimpact.convergence.cases import Case, newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, choice, name_text, optional, place, quantity, require
 from femimpact.structure.structure import Position
-from femimpact.system.hermite import hermite_rows, place_in_element
+from femimpact.system.hermite import place_in_element
 
 
 class Reading(NamedTuple):
@@ -116,7 +116,7 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     weight = (0.5 * length[:, None] * weights).ravel()
     shapes = [(s.system, s.modes(count if s is case else most).vectors[:, :count]) for s in (case, finest)]
     (w, w2), (v, v2) = (
-        [hermite_rows(system.nodes, x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
+        [system.nodal_rows(x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
     )
     assert finest.system.sections is not None
     stiff = weight * finest.system.sections.bending_stiffness_at(*place_in_element(finest.system.nodes, x, "right"))

@@ -23,6 +23,7 @@ from femimpact.structure.structure import (
 )
 from femimpact.system.contact_pair import ContactPair
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 BALL_DENSITY = 7850.0
@@ -93,6 +94,7 @@ class DrawnSystem:
     first_frequency: float = math.nan  # Hz: not a number where it was not kept
     # (Hz, 1) natural frequencies and damping ratios of the lowest modes, where they were kept
     modes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
+    shear_lengths: Array | None = None  # (n - 1,) m: sqrt(EI/(kGA)) of each element; None: none shears
 
     @property
     def dofs(self) -> int:
@@ -108,9 +110,13 @@ class DrawnSystem:
         """Metres from the root of a place."""
         return float(self.points[at] if isinstance(at, str) else at)
 
+    def nodal_rows(self, positions: ArrayLike, derivative: int = 0) -> Matrix:
+        """Sparse rows that read the deflection or its turn from nodal values (w1, w1', w2, w2', ...)."""
+        return hermite_rows(self.nodes, positions, derivative, shear_lengths=self.shear_lengths)
+
     def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
-        return np.asarray(hermite_rows(self.nodes, positions).toarray())
+        return np.asarray(self.nodal_rows(positions).toarray())
 
 
 def drawn_system(

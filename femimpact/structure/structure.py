@@ -572,8 +572,9 @@ def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
 def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
     beam = structure.beam
     thickness = max(part.drawn_at(x)[1] for part in beam.segments for x in (0.0, part.length))
-    if beam.length < SLENDER * thickness:
-        usual = f"below {SLENDER:g}, where shear and rotary inertia, which are left out, are no longer small"
+    sheared = all(segment.shear_modulus for segment in beam.segments)
+    if beam.length < SLENDER * thickness and not (sheared and beam.length > thickness):
+        usual = f"below {SLENDER:g}, where shear and rotary inertia, left out for want of shear_modulus, matter"
         instead = f"is it in metres? take a thickness of at most {beam.length / SLENDER:.6g} m"
         yield UnusualNumber("beam.length", beam.length / thickness, "times the thickness", SLENDER, usual, instead)
     for segment in beam.segments:

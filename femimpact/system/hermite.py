@@ -55,6 +55,29 @@ _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
 """The functions and their derivatives by s, by the order of the derivative."""
 
 
+def shear_shape_functions(
+    s: Array,  # shape (...) position inside the element
+    ratio: Array | float,  # sqrt(EI/(kGA)) over the element length, 0 of an element without shear; Phi = 12 ratio^2
+) -> tuple[tuple[Array, ...], ...]:
+    """Shape functions of (w1, h t1, w2, h t2), their turns and two derivatives of these, of an element that shears.
+
+    t is the turn of the section. Where no load acts, the shear strain gamma = dw/dx - t is constant and w is a cubic
+    with the end slopes t + gamma, gamma = Phi/(1 + Phi) ((w2 - w1)/h - (t1 + t2)/2) (interdependent interpolation).
+    The turn is of the second degree, and its first derivative the curvature, bending moment over EI.
+
+    As `shape_functions`, to which they tend as Phi tends to 0, with the turn in place of dw/dx. They are the sum of
+    what is left as Phi grows beyond all bounds and of a multiple of the third derivative, so that no digit is lost.
+    """
+    rigidity = 1.0 / (1.0 + 12.0 * ratio**2)
+    one, none = 1.0 + 0.0 * s, 0.0 * s
+    limits = ((1 - s, (s - s**2) / 2, s, (s**2 - s) / 2), (none, 1 - s, none, s), (none, -one, none, one), (none,) * 4)
+    bends = (s - 3 * s**2 + 2 * s**3, 6 * s**2 - 6 * s, 12 * s - 6, 12 * one)
+    return tuple(
+        tuple(part + rigidity * bend * share for part, share in zip(limit, (1.0, 0.5, -1.0, 0.5), strict=True))
+        for limit, bend in zip(limits, bends, strict=True)
+    )
+
+
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
     """Numbers of the elements that hold positions (k,) in m; at a node, to 1e-9 of the length, the one on a side."""
     shift = (1.0 if side == "right" else -1.0) * AT_NODE * (nodes[-1] - nodes[0])
@@ -74,15 +97,22 @@ def hermite_rows(
     positions: ArrayLike,  # (k,) m
     derivative: int = 0,
     side: str = "right",  # {"left", "right"}: which element is read at a node, where curvature and its slope jump
+    shear_lengths: Array | None = None,  # (n - 1,) m: sqrt(EI/(kGA)) of each element; None: none shears
 ) -> Matrix:  # csr_array (k, 2 n)
-    """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
+    """Sparse rows from nodal pairs of deflection and turn to the deflection, or a derivative of it, at positions.
 
-    A position off the nodes by rounding is moved to their end.
+    The first derivative is the turn of the section, dw/dx where the beam does not shear; the second is the curvature,
+    whose multiple the bending moment is. A position off the nodes by rounding is moved to their end.
     """
     x = np.minimum(np.maximum(np.atleast_1d(np.asarray(positions, dtype=float)), nodes[0]), nodes[-1])
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
-    values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative
+    s = (x - nodes[element]) / length
+    if shear_lengths is None:
+        functions = _SHAPES[derivative](s)
+    else:
+        functions = shear_shape_functions(s, shear_lengths[element] / length)[derivative]
+    values = np.array(functions) / length**derivative
     values[[1, 3]] *= length
     column = (2 * element[:, None] + np.arange(4)).ravel()
     first = np.arange(0, column.size + 1, 4)
@@ -130,7 +160,7 @@ class SectionFields:
     mass_per_length : ndarray (elements,), kg/m
         rho A.
     rotary_inertia : ndarray (elements,), kg m
-        rho I, which the beam's mass matrix leaves out.
+        rho I, which the beam's mass matrix has where the beam shears.
     young_modulus : ndarray (elements,), Pa
     half_height : ndarray (elements,), m
         From the neutral axis to the surface; not a number where it is not known.
@@ -138,6 +168,8 @@ class SectionFields:
         Name of the segment.
     width_taper, thickness_taper : ndarray (elements,), 1
         Difference of width and of thickness between the two ends of each element, over the value in its middle.
+    shear_length : ndarray (elements,), m, optional
+        sqrt(E I/(k G A)); 0 where the beam does not shear, as it does not where it tapers. None: nowhere.
     """
 
     bending_stiffness: Array
@@ -148,6 +180,7 @@ class SectionFields:
     region: NDArray[np.str_]
     width_taper: Array
     thickness_taper: Array
+    shear_length: Array | None = None
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:

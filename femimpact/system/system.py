@@ -362,6 +362,11 @@ class System:
             return float(self.points[at])
         return float(self._on_beam(checked("at", at, quantity("m")) if self.nodes.size else at, "at"))
 
+    def nodal_rows(self, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
+        """Sparse rows (k, 2 n) from the nodes' deflections and turns to those at positions, as `hermite_rows`."""
+        shear = None if self.sections is None else self.sections.shear_length
+        return hermite_rows(self.nodes, positions, derivative, side, shear)
+
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
 
@@ -371,7 +376,8 @@ class System:
         ----------
         positions : array_like (k,), m
         derivative : int
-            0 deflection, 1 slope dw/dx, 2 curvature (1/m), 3 its slope (1/m^2).
+            0 deflection, 1 turn of the section, dw/dx where the beam does not shear, 2 curvature (1/m), the
+            derivative of the turn, 3 its slope (1/m^2).
 
         Returns
         -------
@@ -415,7 +421,8 @@ class System:
 
         w''' is constant in a cubic element, so that the reading jumps from element to element: its error is of the
         first order of the element's length, and of the second at an element's middle. Where the section is constant
-        (EI)' is 0, and an element has one shear force; along a taper the shear force varies inside it.
+        (EI)' is 0, and an element has one shear force; along a taper the shear force varies inside it. Where the beam
+        shears it is -k G A times the shear strain, dw/dx less the turn.
 
         Parameters
         ----------
@@ -485,7 +492,7 @@ class System:
         x = np.atleast_1d(self._on_beam(positions))
         require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
         order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
-        return self._on_dofs(hermite_rows(self.nodes, x, order, end))
+        return self._on_dofs(self.nodal_rows(x, order, end))
 
     def _on_dofs(self, rows: Any) -> Array:
         """Rows on the dofs of what rows (k, 2 n) read at the nodes."""
@@ -497,14 +504,14 @@ class System:
     def _nodal_row(self, at: Position | LineLoad) -> Matrix:
         """Row (1, 2 n) on the nodes' (w, w') that reads the deflection at a place, or the integral of q w dx (N m)."""
         if not isinstance(at, LineLoad):
-            return hermite_rows(self.nodes, [self.position_of(at)])
+            return self.nodal_rows([self.position_of(at)])
         self._on_beam([])
         points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         half = 0.5 * np.diff(self.nodes)[:, None]
         x = (self.nodes[:-1, None] + half * (1.0 + points)).ravel()
         q = [at.density(float(place)) for place in x] if callable(at.density) else at.density
         density = real_array("density", q, "N/m", "must be a finite number at each place of the beam")
-        return sparse.csr_array([(half * weights).ravel() * density]) @ hermite_rows(self.nodes, x)
+        return sparse.csr_array([(half * weights).ravel() * density]) @ self.nodal_rows(x)
 
     def resultant(self, line: LineLoad) -> float:
         """Force (N) of a line load: the integral of its density over the beam."""

@@ -14,7 +14,7 @@ from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require
 from femimpact.scene.scene import BEAM, PARTS, Scene, build_scene, outline_of, sections_along
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows, needs_outer_fibre, place_in_element
+from femimpact.system.hermite import needs_outer_fibre, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
@@ -91,7 +91,7 @@ def beam_fields(
     sides = ("right", "left")
     middle = np.repeat([0.5 * (stations[0] + stations[-1]) for stations in scene.stretches], sizes)
     constants = [_constants(structure, system, x, middle, side) for side in sides]
-    rows = [[hermite_rows(system.nodes, x, order, side) for side in sides] for order in (2, 3)]
+    rows = [[system.nodal_rows(x, order, side) for side in sides] for order in (2, 3)]
 
     def mean(order: int, factors: Any) -> Any:
         parts = zip(weights, factors, rows[order - 2], strict=True)
