@@ -195,9 +195,9 @@ USUAL_FREQUENCY = (0.01, 1e5)
 
 
 def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> System:
-    """Beam with consistent mass, lumped bodies, and one contact pair per ball, absorber and stop.
+    """Euler-Bernoulli beam with consistent mass, lumped bodies, and one contact pair per ball, absorber and stop.
 
-    It is an Euler-Bernoulli beam, and a Timoshenko beam in segments with a shear modulus.
+    Segments with a shear modulus are those of a Timoshenko beam.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     -------
     System
         In the free dofs (w1, w1', w2, w2', ...), nodes from root to tip, slope positive as dw/dx. Where the beam
-        shears, the turn of the section stands in place of w', also in bodies and supports: clamped is no turn.
+        shears w' stands for the turn of the section, also in bodies and supports: clamped is no turn.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     shear are left out, as in the paper, of segments without a shear modulus. Both integrals are exact along a linear
     taper too (see `Discretisation`), so that frequencies keep order 4 in the element length (Strang and Fix, 1973);
     `femimpact.validation.beams` has the exact ones of wedges. Segments with a shear modulus have both by
-    interdependent interpolation (`femimpact.system.hermite.shear_shape_functions`): static states under loads at
+    interdependent interpolation (`femimpact.system.hermite.shape_functions`): static states under loads at
     nodes are exact, and frequencies have order 2 once elements are shorter than sqrt(EI/(kGA)). Gravity is a constant
     acceleration of every mass: constant_load = base_load gravity.
     """

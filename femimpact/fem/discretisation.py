@@ -30,7 +30,7 @@ from femimpact.errors import (
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import SUPPORTS, Absorber, Impactor, Position, Stop, Structure, Support
-from femimpact.system.hermite import SectionFields, hermite_rows, shape_functions, shear_shape_functions
+from femimpact.system.hermite import SectionFields, hermite_rows, shape_functions
 from femimpact.system.matrices import Matrix
 
 OFF_MESH = 1e-6
@@ -49,7 +49,7 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
     The stock element inverts a Vandermonde matrix in global coordinates and keeps it on the
     instance: it loses digits on fine or graded meshes and is wrong on a second mesh.
 
-    With lengths sqrt(EI/(kGA)) of the elements, (elements,), m, the dofs are those of `shear_shape_functions`.
+    With lengths sqrt(EI/(kGA)) of the elements, (elements,), m, the dofs are those of `shape_functions`.
     """
 
     def __init__(self, shear_lengths: Array | None = None) -> None:
@@ -66,8 +66,8 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
         shear = None if self.shear_lengths is None else self.shear_lengths[slice(None) if tind is None else tind, None]
-        functions = shape_functions(s) if shear is None else shear_shape_functions(s, shear / length)
-        value, slope, curvature, third = (scale * each[i] / length**order for order, each in enumerate(functions))
+        ratio = None if shear is None else shear / length
+        value, slope, curvature, third = (scale * shape_functions(s, k, ratio)[i] / length**k for k in range(4))
         if shear is not None:
             # dw/dx is the turn and the shear strain
             slope = slope - shear**2 * third

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
+from femimpact.structure.beam import Beam
 from femimpact.structure.structure import (
     Absorber,
     Dashpot,
@@ -94,7 +95,7 @@ class DrawnSystem:
     first_frequency: float = math.nan  # Hz: not a number where it was not kept
     # (Hz, 1) natural frequencies and damping ratios of the lowest modes, where they were kept
     modes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
-    shear_lengths: Array | None = None  # (n - 1,) m: sqrt(EI/(kGA)) of each element; None: none shears
+    beam: Beam | None = None  # whose segments say where it shears
 
     @property
     def dofs(self) -> int:
@@ -112,7 +113,10 @@ class DrawnSystem:
 
     def nodal_rows(self, positions: ArrayLike, derivative: int = 0) -> Matrix:
         """Sparse rows that read the deflection or its turn from nodal values (w1, w1', w2, w2', ...)."""
-        return hermite_rows(self.nodes, positions, derivative, shear_lengths=self.shear_lengths)
+        middles = 0.5 * (self.nodes[1:] + self.nodes[:-1])
+        beam = self.beam
+        shear = np.array([beam.segments[beam.segment_index_at(x)].shear_length for x in middles if beam is not None])
+        return hermite_rows(self.nodes, positions, derivative, shear_lengths=shear if shear.any() else None)
 
     def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
@@ -125,7 +129,7 @@ def drawn_system(
 ) -> DrawnSystem:
     """The places and contacts of a structure that is not assembled; KeyError for a place that has no name there."""
     length = structure.beam.length
-    system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points})
+    system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points}, beam=structure.beam)
 
     def drawn(part: Impactor | Absorber | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
         place = system.position_of(structure.place_of(part.at))

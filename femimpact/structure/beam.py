@@ -42,11 +42,6 @@ FORMS_IN_WORDS = (
     "with outer_fibre (m) for strain and stress"
 )
 
-NEEDS_SHEAR_FACTOR = (
-    "must be given with shear_modulus, as only a rectangle has a default: 6 (1 + nu)/(7 + 6 nu) of a round bar, "
-    "2 (1 + nu)/(4 + 3 nu) of a thin tube, with Poisson's number nu"
-)
-
 
 @dataclass(frozen=True)
 class Segment:
@@ -124,7 +119,8 @@ class Segment:
             allowed = "must be left out without shear_modulus (Pa): the segment does not shear"
             faults.append(Fault("shear_factor", self.shear_factor, "1", allowed))
         elif self.shear_modulus is not None and self.shear_factor is None and self.width is None:
-            faults.append(Fault("shear_factor", None, "1", NEEDS_SHEAR_FACTOR))
+            allowed = "must be given, as only a rectangle has a default; Beam.round and Beam.tube find Cowper's"
+            faults.append(Fault("shear_factor", None, "1", allowed))
         elif self.shear_modulus is not None and (self.end_width or self.end_thickness):
             allowed = "must be left out where the section tapers: take short segments, each of one section"
             faults.append(Fault("shear_modulus", self.shear_modulus, "Pa", allowed))
@@ -224,16 +220,13 @@ class Segment:
 
 
 def _circle(bare: Segment, shear_modulus: float | None = None, shear_factor: float | None = None) -> Segment:
-    """A round bar or a tube that shears; its shear factor is by default that of a hollow circle (Cowper, 1966).
-
-    6 (1 + nu) q/((7 + 6 nu) q + (20 + 12 nu) m^2), with the inner over the outer diameter m, q = (1 + m^2)^2 and
-    Poisson's number nu = E/(2 G) - 1. Raises `InputError` where nu is none of an isotropic material.
-    """
+    """A round bar or a tube with shear; its factor is by default that of a hollow circle (Cowper, 1966)."""
     if shear_modulus is not None and shear_factor is None:
         modulus = checked("shear_modulus", shear_modulus, quantity("Pa", above=0.0))
         nu = bare.young_modulus / (2.0 * modulus) - 1.0
         allowed = f"gives Poisson's number E/(2 G) - 1 = {nu:.4g}; must give -1 to 0.5, or give shear_factor"
         require(-1.0 < nu <= 0.5, "shear_modulus", modulus, "Pa", allowed)
+        # inner over outer diameter
         inner = 0.0 if bare.diameter is None or bare.wall is None else 1.0 - 2.0 * bare.wall / bare.diameter
         q = (1.0 + inner**2) ** 2
         shear_factor = 6.0 * (1.0 + nu) * q / ((7.0 + 6.0 * nu) * q + (20.0 + 12.0 * nu) * inner**2)
@@ -281,16 +274,13 @@ class Beam:
     ) -> Beam:
         """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3.
 
-        With `shear_modulus` (Pa) and `shear_factor`, as `Segment`, it shears; so do the others.
+        They shear with `shear_modulus` and `shear_factor`, as of `Segment`.
         """
         return cls((Segment(length, young_modulus, density, width, thickness, **shear),))
 
     @classmethod
     def round(cls, *, length: float, diameter: float, young_modulus: float, density: float, **shear: Any) -> Beam:
-        """A round bar; lengths in m, moduli in Pa, density in kg/m^3.
-
-        With `shear_modulus` the factor is by default 6 (1 + nu)/(7 + 6 nu), nu = E/(2 G) - 1 (Cowper, 1966).
-        """
+        """A round bar; lengths in m, moduli in Pa, density in kg/m^3; the shear factor by default as of `tube`."""
         return cls((_circle(Segment(length, young_modulus, density, diameter=diameter), **shear),))
 
     @classmethod
@@ -299,8 +289,8 @@ class Beam:
     ) -> Beam:
         """A round tube of an outer diameter and a wall's thickness; lengths in m, moduli in Pa, density in kg/m^3.
 
-        With `shear_modulus` the factor is by default Cowper's of a hollow circle, which tends to
-        2 (1 + nu)/(4 + 3 nu) as the wall gets thin.
+        With `shear_modulus` the factor is Cowper's by default: 6 (1 + nu)/(7 + 6 nu) of a bar, nu = E/(2 G) - 1, and
+        towards 2 (1 + nu)/(4 + 3 nu) of a thin wall.
         """
         return cls((_circle(Segment(length, young_modulus, density, diameter=diameter, wall=wall), **shear),))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -35,15 +36,26 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 
 def shape_functions(
     s: Array,  # shape (...) position inside the element, 0 at its first node and 1 at its second
-) -> tuple[tuple[Array, ...], ...]:
-    """Cubic Hermite shape functions of (w1, h w1', w2, h w2'), and their three derivatives by s.
+    derivative: int,
+    ratio: Array | float | None = None,  # sqrt(EI/(kGA)) over the element length h; None: the element does not shear
+) -> tuple[Array, ...]:
+    """Four functions (...) of (w1, h w1', w2, h w2') for the deflection or its first, second or third derivative by s.
 
-    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
+    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h and the cubic Hermite shape functions. Multiply the
+    second and the fourth by the element length for dofs (w, dw/dx), and divide all by that power of it for derivatives
+    by x.
 
-    Returns four functions (...) for each order; multiply the second and the fourth by the element length for dofs
-    (w, dw/dx), and divide all of an order by that power of it for derivatives by x.
+    In an element that shears the dofs are w and the turn t of the section, and the first derivative is the turn. The
+    shear strain gamma = dw/dx - t is constant: with Phi = 12 ratio^2 it is Phi/(1 + Phi) ((w2 - w1)/h - (t1 + t2)/2),
+    and w is the cubic with the end slopes t + gamma, as where no load acts (interdependent interpolation). They are
+    computed as what is left where Phi is infinite and a multiple of the third derivative, so that no digit is lost.
     """
-    return tuple(shapes(s) for shapes in _SHAPES)
+    if ratio is None:
+        return _SHAPES[derivative](s)
+    limit: Any = (1 - s, (s - s**2) / 2, s, (s**2 - s) / 2), (0, 1 - s, 0, s), (0, -1, 0, 1), (0, 0, 0, 0)
+    bend = s - 3 * s**2 + 2 * s**3, 6 * s**2 - 6 * s, 12 * s - 6, 12 + 0.0 * s
+    share = bend[derivative] / (1.0 + 12.0 * ratio**2)
+    return tuple(part + share * by for part, by in zip(limit[derivative], (1.0, 0.5, -1.0, 0.5), strict=True))
 
 
 _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
@@ -53,29 +65,6 @@ _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
     lambda s: (12 + 0.0 * s, 6 + 0.0 * s, -12 + 0.0 * s, 6 + 0.0 * s),
 )
 """The functions and their derivatives by s, by the order of the derivative."""
-
-
-def shear_shape_functions(
-    s: Array,  # shape (...) position inside the element
-    ratio: Array | float,  # sqrt(EI/(kGA)) over the element length, 0 of an element without shear; Phi = 12 ratio^2
-) -> tuple[tuple[Array, ...], ...]:
-    """Shape functions of (w1, h t1, w2, h t2), their turns and two derivatives of these, of an element that shears.
-
-    t is the turn of the section. Where no load acts, the shear strain gamma = dw/dx - t is constant and w is a cubic
-    with the end slopes t + gamma, gamma = Phi/(1 + Phi) ((w2 - w1)/h - (t1 + t2)/2) (interdependent interpolation).
-    The turn is of the second degree, and its first derivative the curvature, bending moment over EI.
-
-    As `shape_functions`, to which they tend as Phi tends to 0, with the turn in place of dw/dx. They are the sum of
-    what is left as Phi grows beyond all bounds and of a multiple of the third derivative, so that no digit is lost.
-    """
-    rigidity = 1.0 / (1.0 + 12.0 * ratio**2)
-    one, none = 1.0 + 0.0 * s, 0.0 * s
-    limits = ((1 - s, (s - s**2) / 2, s, (s**2 - s) / 2), (none, 1 - s, none, s), (none, -one, none, one), (none,) * 4)
-    bends = (s - 3 * s**2 + 2 * s**3, 6 * s**2 - 6 * s, 12 * s - 6, 12 * one)
-    return tuple(
-        tuple(part + rigidity * bend * share for part, share in zip(limit, (1.0, 0.5, -1.0, 0.5), strict=True))
-        for limit, bend in zip(limits, bends, strict=True)
-    )
 
 
 def element_of(nodes: Array, positions: Array, side: str) -> NDArray[np.intp]:
@@ -107,12 +96,8 @@ def hermite_rows(
     x = np.minimum(np.maximum(np.atleast_1d(np.asarray(positions, dtype=float)), nodes[0]), nodes[-1])
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
-    s = (x - nodes[element]) / length
-    if shear_lengths is None:
-        functions = _SHAPES[derivative](s)
-    else:
-        functions = shear_shape_functions(s, shear_lengths[element] / length)[derivative]
-    values = np.array(functions) / length**derivative
+    ratio = None if shear_lengths is None else shear_lengths[element] / length
+    values = np.array(shape_functions((x - nodes[element]) / length, derivative, ratio)) / length**derivative
     values[[1, 3]] *= length
     column = (2 * element[:, None] + np.arange(4)).ravel()
     first = np.arange(0, column.size + 1, 4)

@@ -121,14 +121,7 @@ def mode_shape_data(system: System, modes: Modes) -> xarray.Dataset:
     text = "deflection and slope at each node in turn, mass-normalised"
     data["shape"] = (("dof", "mode"), shapes, {"units": "kg^-0.5, kg^-0.5/m", "long_name": text})
     data["node"] = ("node", np.array(system.nodes), {"units": "m", "long_name": "distance from the root"})
-    data |= _shear_lengths(system)
     return xarray.Dataset(data, attrs={"total_mass_kg": system.total_mass})
-
-
-def _shear_lengths(system: System) -> dict[str, Any]:
-    """Between nodes, how the beam shears, where it does: the nodal values are read by it."""
-    shear = None if system.sections is None else system.sections.shear_length
-    return {} if shear is None else {"shear_length": ("element", np.array(shear), {"units": "m"})}
 
 
 def snapshot_data(response: Response, snapshots: Snapshots) -> xarray.Dataset:
@@ -141,7 +134,6 @@ def snapshot_data(response: Response, snapshots: Snapshots) -> xarray.Dataset:
         for name, dim in SNAPSHOT_DIMS.items()
     }
     data["node"] = ("node", np.array(response.system.nodes), {"units": "m"})
-    data |= _shear_lengths(response.system)
     time = ("time", np.array(snapshots.time), {"units": "s"})
     return xarray.Dataset(data, {"time": time}, {"end_s": response.window[1]})
 
@@ -262,7 +254,6 @@ class ResultReading:
         system = replace(
             self.system or NOWHERE,
             nodes=data["node"].to_numpy(),
-            shear_lengths=data["shear_length"].to_numpy() if "shear_length" in data else None,
             total_mass=float(data.attrs["total_mass_kg"]),
             modes=(modes.natural_frequency, modes.damping_ratio),
         )
@@ -300,8 +291,7 @@ class ResultReading:
     def _film(self, data: xarray.Dataset) -> Response:
         arrays = {name: data[name].to_numpy() for name in SNAPSHOT_DIMS}
         snapshots = Snapshots(time=data["time"].to_numpy(), **arrays)
-        shear = data["shear_length"].to_numpy() if "shear_length" in data else None
-        system = replace(self.system or NOWHERE, nodes=data["node"].to_numpy(), shear_lengths=shear)
+        system = replace(self.system or NOWHERE, nodes=data["node"].to_numpy())
         return replace(self._response([data.attrs["end_s"]], system), snapshots=snapshots)
 
     @cached_property
