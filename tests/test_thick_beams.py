@@ -12,6 +12,8 @@ from skfem import BilinearForm
 import femimpact as fi
 from femimpact.app.demo import paper_study
 from femimpact.app.parametric.identity import plain_study
+from femimpact.app.results.picture_data import read_results
+from femimpact.app.study.study_file import read_study, study_text
 from femimpact.fem.assembly import beam_matrices, stiffness_factor
 from femimpact.scene.scene import BEAM, build_scene
 from femimpact.structure.structure import unusual_numbers
@@ -373,3 +375,81 @@ def test_a_slow_run_reads_statics_in_its_channels():
         },
         rel=1e-6,
     )
+
+
+STUDY = """
+[beam]
+length = "100 mm"
+width = "20 mm"
+thickness = "13 mm"
+young_modulus = "210 GPa"
+density = 7850
+shear_modulus = "80 GPa"
+shear_factor = "90 %"
+
+[mesh]
+elements = 6
+
+[base]
+amplitude = "1 um"
+frequency = 500.0
+duration = 0.1
+
+[output]
+frames = 10
+frame_cycles = 1.0
+figures = false
+paraview = false
+movie = false
+"""
+
+
+def test_a_study_file_has_both_keys_with_units(tmp_path):
+    path = tmp_path / "bar.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    study = fi.load_study(path)
+    (segment,) = study.structure.beam.segments
+    assert (segment.shear_modulus, segment.shear_factor) == (80e9, 0.9)
+    thinner = dataclasses.replace(study.structure, beam=fi.Beam((dataclasses.replace(segment, thickness=0.012),)))
+    written = study_text(dataclasses.replace(study, structure=thinner))
+    assert read_study(written, path).structure == thinner
+    path.write_text(STUDY.replace('"80 GPa"', "0.0"), encoding="utf-8")
+    with pytest.raises(fi.InputError, match=r"^beam\.shear_modulus = 0\.0 Pa: must be a finite number > 0 Pa$"):
+        fi.load_study(path)
+
+
+def test_a_directory_that_is_read_back_draws_the_beam_that_shears(tmp_path):
+    path = tmp_path / "bar.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    fi.run_study(fi.load_study(path), tmp_path / "results")
+    reading = read_results(tmp_path / "results", fi.load_study(path))
+    system = fi.assemble(fi.load_study(path).structure, 6)
+    x, nodal = np.linspace(0.0, LENGTH, 17), np.random.default_rng(3).standard_normal(14)
+    for drawn in (reading.modes.system, reading.film.system):
+        for order in (0, 1):
+            rows = drawn.nodal_rows(x, order)
+            assert np.array_equal(rows.toarray(), system.nodal_rows(x, order).toarray())
+            assert np.abs((rows - hermite_rows(system.nodes, x, order)) @ nodal).max() > 1e-3
+
+
+def test_convergence_expects_the_orders_that_it_finds():
+    c, structure = fi.convergence, fi.Structure(THICK, damping=fi.Rayleigh(0.01, (1, 2)))
+    watch = [
+        c.Frequencies(2),
+        c.ModeShapes(1),
+        c.SteadyResponse("tip"),
+        c.SurfaceStress("root"),
+        c.BendingMoment("mid", 2),
+        c.SupportReaction("root.moment"),
+    ]
+    base = fi.Sine(1e-6, 500.0)
+    orders = {}
+    for counts in ([48, 96, 192, 384], [2, 3, 4]):
+        table = fi.convergence_study(structure, c.OverMeshes.uniform(structure, counts), watch, base)["mesh"]
+        orders[counts[0]] = table.expected_order.tolist()
+        if counts[0] == 48:
+            assert table.fitted_order[:2] == pytest.approx([2.0, 2.0], abs=0.1)
+            assert table.fitted_order[4:] == pytest.approx([2.0, 2.0, 1.0, 2.0], abs=0.2)
+    assert orders[48] == [2.0, 2.0, 1.0, 4.0, 2.0, 2.0, 1.0, 2.0]
+    # no element is as short as sqrt(EI/(kGA))
+    assert orders[2] == [4.0, 4.0, 2.0, 8.0, 4.0, 2.0, 2.0, 4.0]
