@@ -268,15 +268,12 @@ def test_a_thin_segment_beside_one_that_shears_is_thin():
     a, b = STEPPED.segments
     inner = (LENGTH**3 - 0.04**3) / (3.0 * a.bending_stiffness) + 0.06 / shear_stiffness(a)
     assert system.point_row("tip") @ u == pytest.approx(inner + 0.04**3 / (3.0 * b.bending_stiffness), rel=1e-13)
-    rotary = fi.fem.discretise(fi.Structure(fi.Beam((STEPPED.segments[0], thin)), supports=()), 10)
-    turn = np.tile([0.0, 1.0], 11)
-    M = beam_matrices(rotary)[1]
-    of_holder = a.density * a.bending_stiffness / a.young_modulus
-    # all turns 1 and no deflection at nodes: those of the thin segment have mass by their cubics alone
-    thin_mass = beam_matrices(
-        fi.fem.discretise(fi.Structure(fi.Beam((dataclasses.replace(a, shear_modulus=None), thin)), supports=()), 10)
-    )[1]
-    assert turn @ M.times(turn) - turn @ thin_mass.times(turn) > 0.5 * of_holder * 0.06
+    # turned as a whole about the root: each segment's mass, and the rotary inertia of the one that shears
+    grid = fi.fem.discretise(fi.Structure(fi.Beam((a, thin)), supports=()), 10)
+    whole = np.column_stack([grid.mesh.nodes, np.ones(11)]).ravel()
+    exact = a.mass_per_length * 0.06**3 / 3.0 + thin.mass_per_length * (LENGTH**3 - 0.06**3) / 3.0
+    exact += DENSITY * a.bending_stiffness / YOUNG * 0.06
+    assert whole @ beam_matrices(grid)[1].times(whole) == pytest.approx(exact, rel=1e-12)
 
 
 # ---- what is given -------------------------------------------------------------------------------------------------
