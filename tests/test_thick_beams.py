@@ -331,6 +331,10 @@ def test_a_short_beam_is_unusual_only_where_shear_is_left_out():
     (word,) = map(str, unusual_numbers(fi.Structure(fi.Beam.uniform(**short))))
     assert "shear_modulus" in word
     assert unusual_numbers(fi.Structure(fi.Beam.uniform(**short, shear_modulus=SHEAR))) == []
+    (word,) = map(
+        str, unusual_numbers(fi.Structure(fi.Beam.uniform(**short | {"thickness": 0.13}, shear_modulus=SHEAR)))
+    )
+    assert word.startswith("beam.thickness = 0.13 m: more than the length of the beam")
 
 
 # ---- what reads it -------------------------------------------------------------------------------------------------

@@ -264,8 +264,8 @@ def _of_curvature(
         # both sides of a place may be watched
         at += " left"
     if watched.mode is None:
-        mesh, modes = (2.0, 2.0) if clamped else (mesh_order(finest, 2.0), 3.0)
-        order = {"mesh": mesh, "step": 2.0, "modes": modes}[case.axis]
+        inside = {"mesh": mesh_order(finest, 2.0), "step": 2.0, "modes": 3.0}
+        order = 2.0 if clamped else inside[case.axis]
         return (Reading(f"{what} {at}", unit, factor * abs(complex(row @ case.steady)), order),)
     name, per = f"{what} {at}, mode {watched.mode}", f"{unit} m^-1 kg^-0.5"
     sections = case.system.sections
@@ -307,6 +307,5 @@ class SupportReaction:
         rows = item.on_displacement + velocity * item.on_velocity + acceleration * item.on_acceleration
         moved = -((2.0 * math.pi * case.driven.frequency) ** 2) * case.driven.amplitude
         value = abs(complex(rows @ steady) + item.on_base_acceleration * moved)
-        mesh, modes = mesh_order(finest, 4.0), 2.0 if item.unit == "N m" else 1.0
-        order = {"mesh": mesh, "step": 2.0, "modes": modes}[case.axis]
+        order = {"mesh": mesh_order(finest, 4.0), "step": 2.0, "modes": 2.0 if item.unit == "N m" else 1.0}[case.axis]
         return (Reading(f"reaction {self.name}", item.unit, value, order),)

@@ -56,7 +56,7 @@ def inertia(u: Any, v: Any, w: Any) -> Any:
 
 @BilinearForm  # type: ignore[untyped-decorator]
 def shear(u: Any, v: Any, w: Any) -> Any:
-    """Integral of k G A gamma^2 with the shear strain gamma = -l^2 times the third derivative, l^2 = EI/(kGA)."""
+    """Integral of k G A gamma^2, with gamma = -l^2 times the third derivative and l^2 = EI/(kGA)."""
     return w.shear_bending * ddd(u)[0, 0, 0] * ddd(v)[0, 0, 0]
 
 
@@ -196,8 +196,6 @@ USUAL_FREQUENCY = (0.01, 1e5)
 
 def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | None = None) -> System:
     """Euler-Bernoulli beam with consistent mass, lumped bodies, and one contact pair per ball, absorber and stop.
-
-    Segments with a shear modulus are those of a Timoshenko beam.
 
     Parameters
     ----------

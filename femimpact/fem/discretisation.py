@@ -65,12 +65,12 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        shear = None if self.shear_lengths is None else self.shear_lengths[slice(None) if tind is None else tind, None]
-        ratio = None if shear is None else shear / length
+        shear = self.shear_lengths
+        ratio = None if shear is None else shear[slice(None) if tind is None else tind, None] / length
         value, slope, curvature, third = (scale * shape_functions(s, k, ratio)[i] / length**k for k in range(4))
-        if shear is not None:
+        if ratio is not None:
             # dw/dx is the turn and the shear strain
-            slope = slope - shear**2 * third
+            slope = slope - (ratio * length) ** 2 * third
         field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 

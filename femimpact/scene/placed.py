@@ -113,8 +113,7 @@ class DrawnSystem:
 
     def nodal_rows(self, positions: ArrayLike, derivative: int = 0) -> Matrix:
         """Sparse rows that read the deflection or its turn from nodal values (w1, w1', w2, w2', ...)."""
-        middles = 0.5 * (self.nodes[1:] + self.nodes[:-1])
-        beam = self.beam
+        beam, middles = self.beam, 0.5 * (self.nodes[1:] + self.nodes[:-1])
         shear = np.array([beam.segments[beam.segment_index_at(x)].shear_length for x in middles if beam is not None])
         return hermite_rows(self.nodes, positions, derivative, shear_lengths=shear if shear.any() else None)
 

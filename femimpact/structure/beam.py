@@ -81,8 +81,7 @@ class Segment:
     wall : float, m
         Thickness of a tube's wall, with the diameter.
     shear_modulus : float, Pa
-        G of the material: the segment shears, and its sections have rotary inertia (Timoshenko). By default neither.
-        Only where the section does not taper.
+        G: the segment shears, and its sections have rotary inertia; by default neither. It must not taper then.
     shear_factor : float, 1
         k in the shear stiffness k G A; 5/6 of a rectangle by default. `Beam.round` and `Beam.tube` take Cowper's.
     """
@@ -226,7 +225,6 @@ def _circle(bare: Segment, shear_modulus: float | None = None, shear_factor: flo
         nu = bare.young_modulus / (2.0 * modulus) - 1.0
         allowed = f"gives Poisson's number E/(2 G) - 1 = {nu:.4g}; must give -1 to 0.5, or give shear_factor"
         require(-1.0 < nu <= 0.5, "shear_modulus", modulus, "Pa", allowed)
-        # inner over outer diameter
         inner = 0.0 if bare.diameter is None or bare.wall is None else 1.0 - 2.0 * bare.wall / bare.diameter
         q = (1.0 + inner**2) ** 2
         shear_factor = 6.0 * (1.0 + nu) * q / ((7.0 + 6.0 * nu) * q + (20.0 + 12.0 * nu) * inner**2)
@@ -272,10 +270,7 @@ class Beam:
     def uniform(
         cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float, **shear: Any
     ) -> Beam:
-        """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3.
-
-        They shear with `shear_modulus` and `shear_factor`, as of `Segment`.
-        """
+        """A beam of one rectangle, others by `round`, `tube`, `section`; in m, Pa, kg/m^3; shear as of `Segment`."""
         return cls((Segment(length, young_modulus, density, width, thickness, **shear),))
 
     @classmethod
@@ -289,8 +284,7 @@ class Beam:
     ) -> Beam:
         """A round tube of an outer diameter and a wall's thickness; lengths in m, moduli in Pa, density in kg/m^3.
 
-        With `shear_modulus` the factor is Cowper's by default: 6 (1 + nu)/(7 + 6 nu) of a bar, nu = E/(2 G) - 1, and
-        towards 2 (1 + nu)/(4 + 3 nu) of a thin wall.
+        The shear factor is Cowper's by default: 6 (1 + nu)/(7 + 6 nu) of a bar, 2 (1 + nu)/(4 + 3 nu) of a thin wall.
         """
         return cls((_circle(Segment(length, young_modulus, density, diameter=diameter, wall=wall), **shear),))
 

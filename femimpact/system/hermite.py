@@ -41,17 +41,16 @@ def shape_functions(
 ) -> tuple[Array, ...]:
     """Four functions (...) of (w1, h w1', w2, h w2') for the deflection or its first, second or third derivative by s.
 
-    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h and the cubic Hermite shape functions. Multiply the
-    second and the fourth by the element length for dofs (w, dw/dx), and divide all by that power of it for derivatives
-    by x.
+    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', cubic Hermite, s = (x - x1)/h. Multiply the second and the fourth by the
+    element length for dofs (w, dw/dx), and divide all by that power of it for derivatives by x.
 
     In an element that shears the dofs are w and the turn t of the section, and the first derivative is the turn. The
     shear strain gamma = dw/dx - t is constant: with Phi = 12 ratio^2 it is Phi/(1 + Phi) ((w2 - w1)/h - (t1 + t2)/2),
-    and w is the cubic with the end slopes t + gamma, as where no load acts (interdependent interpolation). They are
-    computed as what is left where Phi is infinite and a multiple of the third derivative, so that no digit is lost.
+    and w is the cubic with the end slopes t + gamma, as where no load acts (interdependent interpolation).
     """
     if ratio is None:
         return _SHAPES[derivative](s)
+    # what is left where Phi is infinite, and a multiple of the third derivative: no digit is lost
     limit: Any = (1 - s, (s - s**2) / 2, s, (s**2 - s) / 2), (0, 1 - s, 0, s), (0, -1, 0, 1), (0, 0, 0, 0)
     bend = s - 3 * s**2 + 2 * s**3, 6 * s**2 - 6 * s, 12 * s - 6, 12 + 0.0 * s
     share = bend[derivative] / (1.0 + 12.0 * ratio**2)

@@ -376,8 +376,7 @@ class System:
         ----------
         positions : array_like (k,), m
         derivative : int
-            0 deflection, 1 turn of the section, dw/dx where the beam does not shear, 2 curvature (1/m), the
-            derivative of the turn, 3 its slope (1/m^2).
+            0 deflection, 1 turn of the section, without shear dw/dx, 2 its derivative, the curvature (1/m), 3 (1/m^2).
 
         Returns
         -------
@@ -421,8 +420,7 @@ class System:
 
         w''' is constant in a cubic element, so that the reading jumps from element to element: its error is of the
         first order of the element's length, and of the second at an element's middle. Where the section is constant
-        (EI)' is 0, and an element has one shear force; along a taper the shear force varies inside it. Where the beam
-        shears it is -k G A times the shear strain, dw/dx less the turn.
+        (EI)' is 0, and an element has one shear force, -k G A times its shear strain if any; along a taper it varies.
 
         Parameters
         ----------
