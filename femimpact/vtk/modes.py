@@ -67,7 +67,7 @@ class BeamFields:
         return {name: np.concatenate([value, off]) for name, value in values.items()}
 
     def on_cells(self, nodal: Array) -> Array:
-        """Mean strain energy density (J/m^3) of every cell: times its volume it sums to the strain energy."""
+        """Mean strain energy density (J/m^3) of every cell: times its volume it sums to that of bending."""
         a, b = self.begin @ nodal, self.end @ nodal
         values = np.zeros(self.on_beam.size)
         values[self.on_beam] = np.sum(self.cell_energy * np.stack([a * a, a * b, b * b], axis=1), axis=1)
