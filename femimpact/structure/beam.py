@@ -270,7 +270,10 @@ class Beam:
     def uniform(
         cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float, **shear: Any
     ) -> Beam:
-        """A beam of one rectangle, others by `round`, `tube`, `section`; in m, Pa, kg/m^3; shear as of `Segment`."""
+        """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3.
+
+        It shears with `shear_modulus` (Pa) and `shear_factor`, as of `Segment`; so do the others.
+        """
         return cls((Segment(length, young_modulus, density, width, thickness, **shear),))
 
     @classmethod

@@ -363,9 +363,12 @@ class System:
         return float(self._on_beam(checked("at", at, quantity("m")) if self.nodes.size else at, "at"))
 
     def nodal_rows(self, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
-        """Sparse rows (k, 2 n) from the nodes' deflections and turns to those at positions, as `hermite_rows`."""
+        """Sparse rows (k, 2 n) of `deflection_rows` on the deflections and turns of the nodes, held ones included."""
+        x = np.atleast_1d(self._on_beam(positions))
+        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
         shear = None if self.sections is None else self.sections.shear_length
-        return hermite_rows(self.nodes, positions, derivative, side, shear)
+        return hermite_rows(self.nodes, x, order, end, shear)
 
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
@@ -387,7 +390,7 @@ class System:
         InputError
             If there is no beam, a position lies off it, or a cubic has no such derivative.
         """
-        return self._rows(positions, derivative, "right")
+        return self._on_dofs(self.nodal_rows(positions, derivative))
 
     def curvature_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the curvature w'' (1/m) at positions.
@@ -413,7 +416,7 @@ class System:
         InputError
             If there is no beam, or a position lies off it.
         """
-        return self._rows(positions, 2, side)
+        return self._on_dofs(self.nodal_rows(positions, 2, side))
 
     def shear_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the shear force (EI w'')' = EI w''' + (EI)' w'' (N) at positions.
@@ -438,10 +441,10 @@ class System:
             If there is no beam with known sections, or a position lies off it.
         """
         sections, (element, s) = self._known_sections, self._place_of(positions, side)
-        rows = sections.bending_stiffness_at(element, s)[:, None] * self._rows(positions, 3, side)
+        rows = sections.bending_stiffness_at(element, s)[:, None] * self._on_dofs(self.nodal_rows(positions, 3, side))
         if sections.is_tapered[element].any():
             slope = sections.bending_stiffness_at(element, s, derivative=1) / np.diff(self.nodes)[element]
-            rows = rows + slope[:, None] * self._rows(positions, 2, side)
+            rows = rows + slope[:, None] * self._on_dofs(self.nodal_rows(positions, 2, side))
         return np.asarray(rows)
 
     def section_at(self, at: Position, side: str = "right") -> Section:
@@ -485,12 +488,6 @@ class System:
         beyond = x[(x < root - slack) | (x > tip + slack)]
         require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
         return np.minimum(np.maximum(x, root), tip)
-
-    def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
-        x = np.atleast_1d(self._on_beam(positions))
-        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
-        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
-        return self._on_dofs(self.nodal_rows(x, order, end))
 
     def _on_dofs(self, rows: Any) -> Array:
         """Rows on the dofs of what rows (k, 2 n) read at the nodes."""
