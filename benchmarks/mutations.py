@@ -56,6 +56,9 @@ class Mutation:
 
 MUTATIONS = (
     # structure, mesh and modes
+    Mutation("shear_of_a_beam", "/ (1.0 + 12.0 * ratio**2)", "/ (1.0 + 12.1 * ratio**2)"),
+    Mutation("inertia_of_turning", "np.where(squared > 0.0, grid.rotary_inertia, 0.0)", "0.0 * squared"),
+    Mutation("flexibility_in_shear", "third[shears > 0.0]], format", "third[shears > 1.0]], format"),
     Mutation("hermite_stiffness", "12 * s - 6, 6 * s - 4, 6 - 12 * s", "12 * s - 6, 6 * s - 4.01, 6 - 12 * s"),
     Mutation("consistent_mass", "w.mass_per_length * u * v", "1.001 * w.mass_per_length * u * v"),
     Mutation(

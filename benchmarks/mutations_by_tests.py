@@ -33,6 +33,13 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("length_of_an_axis", "return sum(math.prod(int(word)", "return max(math.prod(int(word)"),
         Mutation("stub_of_some_rows", "ROWS.findall(source)", "ROWS.findall(source)[:1]"),
     ),
+    "test_thick_beams.py": (
+        Mutation("cowpers_factor", "(20.0 + 12.0 * nu) * inner**2", "(20.0 + 11.0 * nu) * inner**2"),
+        Mutation("slope_of_a_form", "slope = slope - (ratio", "slope = slope + (ratio"),
+        Mutation("read_back_of_shear", "shear_lengths=shear if shear.any() else None", "shear_lengths=None"),
+        Mutation("order_of_a_thick_beam", "else 0.5 * order", "else order"),
+        Mutation("thin_segment_beside", "np.where(squared > 0.0, grid.rot", "np.where(squared >= 0.0, grid.rot"),
+    ),
     "test_restitution_over_speed.py": (
         Mutation("speed_of_a_rebound", "restitution_of(hit, approach, c) : 0.0", "restitution_of(hit, 0.0, c) : 0.0"),
         Mutation("slope_of_a_rebound", "(1.0 + restitution + change)[:, None]", "(1.0 + restitution)[:, None]"),

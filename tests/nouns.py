@@ -384,6 +384,9 @@ VERBS = {
     "System.curvature_rows": (lambda **given: system().curvature_rows(**given), lambda: {
         "positions": [0.1], "side": "left"
     }),
+    "System.nodal_rows": (lambda **given: system().nodal_rows(**given), lambda: {
+        "positions": [0.1], "derivative": 1, "side": "left"
+    }),
     "System.shear_rows": (lambda **given: system().shear_rows(**given), lambda: {"positions": [0.1], "side": "left"}),
     "System.section_at": (lambda **given: system().section_at(**given), lambda: {"at": 0.1, "side": "left"}),
     "LineForce": (fi.LineForce, lambda: {"density": 3.0, "history": BASE}),

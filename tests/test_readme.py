@@ -7,6 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,18 @@ def root_stress(tmp_path_factory):
         names["folder"] = Path.cwd()
     pyplot.close("all")
     return names
+
+
+@pytest.mark.impacts
+def test_the_page_on_thick_beams_prints_what_it_shows(capsys):
+    with warnings.catch_warnings():
+        ran("docs/howto/thick_beams.md")
+    *lines, with_ball = capsys.readouterr().out.splitlines()
+    page = (ROOT / "docs/howto/thick_beams.md").read_text(encoding="utf-8")
+    assert "```text\n" + "\n".join(lines) in page
+    # the motion with the ball may be another sample: it is far below that without
+    without, kept = (float(re.search(r"tip (\d+) um", line)[1]) for line in (lines[-1], with_ball))
+    assert kept < 0.3 * without
 
 
 @pytest.mark.impacts

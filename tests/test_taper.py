@@ -110,7 +110,7 @@ def test_matrices_of_an_element_are_the_integrals_of_polynomials(tapers):
     grid = fi.fem.discretise(fi.Structure(fi.Beam((segment,))), elements=1)
     width, thickness = Polynomial([w0, w1 - w0]), Polynomial([t0, t1 - t0])
     s = np.linspace(0.0, 1.0, 4)
-    fits = [np.polynomial.polynomial.polyfit(s, values, 3) for values in shape_functions(s)[0]]
+    fits = [np.polynomial.polynomial.polyfit(s, values, 3) for values in shape_functions(s, 0)]
     shapes = [Polynomial(fit) * (LENGTH if i % 2 else 1.0) for i, fit in enumerate(fits)]
 
     def integral(p):

@@ -12,7 +12,7 @@ from femimpact.arrays import Array
 from femimpact.convergence.cases import Case, newmark_frequency, time_factors
 from femimpact.errors import check_fields, checked, choice, name_text, optional, place, quantity, require
 from femimpact.structure.structure import Position
-from femimpact.system.hermite import hermite_rows, place_in_element
+from femimpact.system.hermite import place_in_element
 
 
 class Reading(NamedTuple):
@@ -36,6 +36,12 @@ class Watched(Protocol):
 
 
 COUNT = quantity("1", at_least=1, at_most=1000, integer=True)
+
+
+def mesh_order(finest: Case, order: float) -> float:
+    """Order over the mesh: half that of a thin beam once elements, of one shear strain, are below sqrt(EI/(kGA))."""
+    lengths = None if finest.system.sections is None else finest.system.sections.shear_length
+    return order if lengths is None or np.all(lengths < np.diff(finest.system.nodes)) else 0.5 * order
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class Frequencies:
         most = min(self.count, finest.system.dofs)
         natural = case.modes(min(most, case.system.dofs)).natural_frequency
         values = natural if case.step is None else newmark_frequency(natural, case.step)
-        order = {"mesh": 4.0, "step": 2.0}[case.axis]
+        order = {"mesh": mesh_order(finest, 4.0), "step": 2.0}[case.axis]
         padded = np.append(values, np.full(most - values.size, np.nan))
         return tuple(Reading(f"frequency {i + 1}", "Hz", float(f), order) for i, f in enumerate(padded))
 
@@ -97,7 +103,7 @@ class ModeShapes:
         most = min(self.count, finest.system.dofs)
         energy, deficiency = _shape_distances(case, finest, most)
         return tuple(
-            Reading(f"{name} {i}", "1", distance, order, is_distance=True)
+            Reading(f"{name} {i}", "1", distance, mesh_order(finest, order), is_distance=True)
             for name, distances, order in (("shape", energy, 2.0), ("1 - MAC", deficiency, 8.0))
             for i, distance in enumerate(distances.tolist(), start=1)
         )
@@ -116,7 +122,7 @@ def _shape_distances(case: Case, finest: Case, most: int) -> tuple[Array, Array]
     weight = (0.5 * length[:, None] * weights).ravel()
     shapes = [(s.system, s.modes(count if s is case else most).vectors[:, :count]) for s in (case, finest)]
     (w, w2), (v, v2) = (
-        [hermite_rows(system.nodes, x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
+        [system.nodal_rows(x, order) @ system.expansion @ phi for order in (0, 2)] for system, phi in shapes
     )
     assert finest.system.sections is not None
     stiff = weight * finest.system.sections.bending_stiffness_at(*place_in_element(finest.system.nodes, x, "right"))
@@ -156,7 +162,8 @@ class SteadyResponse:
         """A reading for each place."""
         readings = []
         for at in self.at:
-            order = {"mesh": 4.0, "step": 2.0, "modes": 6.0 if _carries_mass(finest, at) else 5.0}[case.axis]
+            mesh, modes = mesh_order(finest, 4.0), 6.0 if _carries_mass(finest, at) else 5.0
+            order = {"mesh": mesh, "step": 2.0, "modes": modes}[case.axis]
             value = abs(complex(case.system.point_row(at) @ case.steady))
             readings.append(Reading(f"steady {at}" if isinstance(at, str) else f"steady {at:g} m", "m", value, order))
         return tuple(readings)
@@ -208,7 +215,7 @@ class BendingMoment:
     def read(self, case: Case, finest: Case) -> tuple[Reading, ...]:
         """One reading."""
         section = case.system.section_at(self.at, self.side)
-        return _of_curvature(self, "moment EI w''", "N m", section.bending_stiffness, case)
+        return _of_curvature(self, "moment EI w''", "N m", section.bending_stiffness, case, finest)
 
 
 @dataclass(frozen=True)
@@ -241,11 +248,11 @@ class SurfaceStress:
         """One reading."""
         section = case.system.section_at(self.at, self.side)
         stress = section.young_modulus * section.known_half_height("SurfaceStress")
-        return _of_curvature(self, "stress", "Pa", stress, case)
+        return _of_curvature(self, "stress", "Pa", stress, case, finest)
 
 
 def _of_curvature(
-    watched: BendingMoment | SurfaceStress, what: str, unit: str, factor: float, case: Case
+    watched: BendingMoment | SurfaceStress, what: str, unit: str, factor: float, case: Case, finest: Case
 ) -> tuple[Reading, ...]:
     """A constant times |w''| at a place."""
     if watched.mode is not None and case.axis != "mesh":
@@ -257,13 +264,14 @@ def _of_curvature(
         # both sides of a place may be watched
         at += " left"
     if watched.mode is None:
-        order = {"mesh": 2.0, "step": 2.0, "modes": 2.0 if clamped else 3.0}[case.axis]
+        inside = {"mesh": mesh_order(finest, 2.0), "step": 2.0, "modes": 3.0}
+        order = 2.0 if clamped else inside[case.axis]
         return (Reading(f"{what} {at}", unit, factor * abs(complex(row @ case.steady)), order),)
     name, per = f"{what} {at}, mode {watched.mode}", f"{unit} m^-1 kg^-0.5"
     sections = case.system.sections
     element, _ = place_in_element(case.system.nodes, np.array([case.system.position_of(watched.at)]), watched.side)
     tapers = sections is not None and bool(sections.is_tapered[element[0]])
-    order = 4.0 if clamped and not tapers else 2.0
+    order = mesh_order(finest, 4.0 if clamped and not tapers else 2.0)
     if watched.mode > case.system.dofs:
         return (Reading(name, per, math.nan, order),)
     shape = case.modes(watched.mode).vectors[:, watched.mode - 1]
@@ -299,5 +307,5 @@ class SupportReaction:
         rows = item.on_displacement + velocity * item.on_velocity + acceleration * item.on_acceleration
         moved = -((2.0 * math.pi * case.driven.frequency) ** 2) * case.driven.amplitude
         value = abs(complex(rows @ steady) + item.on_base_acceleration * moved)
-        order = {"mesh": 4.0, "step": 2.0, "modes": 2.0 if item.unit == "N m" else 1.0}[case.axis]
+        order = {"mesh": mesh_order(finest, 4.0), "step": 2.0, "modes": 2.0 if item.unit == "N m" else 1.0}[case.axis]
         return (Reading(f"reaction {self.name}", item.unit, value, order),)

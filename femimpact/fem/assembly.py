@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 from skfem import BilinearForm
-from skfem.helpers import dd, ddot, dot, grad
+from skfem.helpers import d, dd, ddd, ddot, dot, grad
 
 from femimpact.arrays import Array, own
 from femimpact.errors import InputWarning
@@ -62,6 +62,19 @@ def tilting(u: Any, v: Any, w: Any) -> Any:
     return w.normal_force * dot(grad(u), grad(v))
 
 
+@BilinearForm  # type: ignore[untyped-decorator]
+def shear(u: Any, v: Any, w: Any) -> Any:
+    """Integral of k G A gamma^2, with gamma = -l^2 times the third derivative and l^2 = EI/(kGA)."""
+    return w.shear_bending * ddd(u)[0, 0, 0] * ddd(v)[0, 0, 0]
+
+
+@BilinearForm  # type: ignore[untyped-decorator]
+def turning(u: Any, v: Any, w: Any) -> Any:
+    """Integral of rho I t t', with the turn t = dw/dx - gamma."""
+    turn, other = (d(each)[0] + w.length_squared * ddd(each)[0, 0, 0] for each in (u, v))
+    return w.rotary_inertia * turn * other
+
+
 class Entries(NamedTuple):
     """Entries of a matrix over all dofs of a basis, held ones included; those at one place are summed."""
 
@@ -96,11 +109,19 @@ def joined(*parts: Entries) -> Entries:
 
 
 def beam_matrices(grid: Discretisation) -> tuple[Entries, Entries]:
-    """K and M of the bare beam over all dofs."""
+    """K and M of the bare beam over all dofs, with shear and rotary inertia where it shears."""
     sections, basis = grid.sections, grid.basis
     stiffness = sections.bending_stiffness * sections.bending_polynomial
     mass = sections.mass_per_length * sections.mass_polynomial
-    return _weighted(bending, "bending_stiffness", basis, stiffness), _weighted(inertia, "mass_per_length", basis, mass)
+    K, M = _weighted(bending, "bending_stiffness", basis, stiffness), _weighted(inertia, "mass_per_length", basis, mass)
+    if sections.shear_length is None:
+        return K, M
+    squared = grid.at_quadrature(sections.shear_length**2)
+    bent, turned = grid.bending_stiffness * squared, np.where(squared > 0.0, grid.rotary_inertia, 0.0)
+    strained = shear.coo_data(basis, shear_bending=bent)
+    inert = turning.coo_data(basis, length_squared=squared, rotary_inertia=turned)
+    more = [Entries(part.indices[0], part.indices[1], part.data) for part in (strained, inert)]
+    return joined(K, more[0]), joined(M, more[1])
 
 
 def _weighted(form: Any, name: str, basis: Any, coefficients: Array) -> Entries:
@@ -128,7 +149,7 @@ def _integrals(form: Any, name: str, basis: Any, power: int) -> Entries:
 
 
 def stiffness_factor(grid: Discretisation) -> Matrix:  # csr_array (2 elements, dofs) sqrt(N m) per unit of a dof
-    """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element.
+    """G with K = G^T G over all dofs: sqrt(weight) w'' at two points of every element, and its share of shear.
 
     The energy of an element is the integral of EI w''^2 with w'' linear. The two Gauss points of the weight EI itself
     integrate any cubic times EI exactly, so that G has two rows for each element whether it tapers or not, and K is
@@ -141,10 +162,15 @@ def stiffness_factor(grid: Discretisation) -> Matrix:  # csr_array (2 elements, 
     weight = np.sqrt(lengths[:, None] * sections.bending_stiffness[:, None] * shares)
     middles = 0.5 * (nodes[1:] + nodes[:-1])
     points = middles[:, None] + lengths[:, None] * places / (2.0 * math.sqrt(3.0))
-    curvature = hermite_rows(nodes, points.ravel(), derivative=2)
+    shears = sections.shear_length
+    curvature = hermite_rows(nodes, points.ravel(), derivative=2, shear_lengths=shears)
     # four entries in each row
     curvature.data *= np.repeat(weight.ravel(), 4)
-    return curvature
+    if shears is None:
+        return curvature
+    third = hermite_rows(nodes, middles, derivative=3, shear_lengths=shears)
+    third.data *= np.repeat(shears * np.sqrt(lengths * sections.bending_stiffness), 4)
+    return sparse.vstack([curvature, third[shears > 0.0]], format="csr")
 
 
 def _gauss_points(polynomial: Array) -> tuple[Array, Array]:
@@ -189,7 +215,8 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     Returns
     -------
     System
-        In the free dofs (w1, w1', w2, w2', ...), nodes from root to tip, slope positive as dw/dx.
+        In the free dofs (w1, w1', w2, w2', ...), nodes from root to tip, slope positive as dw/dx. Where the beam
+        shears w' stands for the turn of the section, also in bodies and supports: clamped is no turn.
 
     Raises
     ------
@@ -209,10 +236,13 @@ def assemble(structure: Structure, elements: int | None = None, mesh: Mesh | Non
     -----
     Sections: Hermite cubic interpolation, K = int EI w'' v'', M = int rho A w v + lumped terms
     m N N^T + J N' N'^T, with N + e N' for N where a body's centre is offset by e; rotary inertia of the beam and
-    shear are left out, as in the paper. Both integrals are exact along a linear taper too (see `Discretisation`), so
-    that frequencies keep order 4 in the element length (Strang and Fix, 1973); `femimpact.validation.beams` has the
-    exact ones of wedges. Gravity is a constant acceleration of every mass: constant_load = base_load gravity. A load
-    along the beam adds to K what `Axial` says.
+    shear are left out, as in the paper, of segments without a shear modulus. Both integrals are exact along a linear
+    taper too (see `Discretisation`), so that frequencies keep order 4 in the element length (Strang and Fix, 1973);
+    `femimpact.validation.beams` has the exact ones of wedges. Segments with a shear modulus have both by
+    interdependent interpolation (`femimpact.system.hermite.shape_functions`): static states under loads at
+    nodes are exact, and frequencies have order 2 once elements are shorter than sqrt(EI/(kGA)). Gravity is a constant
+    acceleration of every mass: constant_load = base_load gravity. A load along the beam adds to K what `Axial`
+    says.
     """
     return assembled_with_modes(structure, elements, mesh, 1)[0]
 
@@ -335,7 +365,7 @@ def _connection_rows(grid: Discretisation, items: Sequence[Spring | Dashpot], ki
         chosen = sparse.csr_array(
             (np.ones(len(places)), ([i for i, _ in places], range(len(places)))), shape=(len(items), len(places))
         )
-        return chosen @ hermite_rows(grid.mesh.nodes, [x for _, x in places])
+        return chosen @ grid.rows([x for _, x in places])
 
     return sparse.csr_array(ends("at") - ends("to"))
 
@@ -383,7 +413,7 @@ def _on_bodies(grid: Discretisation, numbers: Sequence[tuple[float, float, float
     """Mass m (N + e N')(N + e N')^T + J N' N'^T for every body by its (m, J, e), e from its place, over all dofs."""
     bodies = grid.structure.masses
     places = [grid.position_of(body.at, f"mass.{body.name}.at") for body in bodies]
-    shape, slope = (hermite_rows(grid.mesh.nodes, places, order) for order in (0, 1))
+    shape, slope = (grid.rows(places, order) for order in (0, 1))
     mass, inertia, offset = np.array(numbers).reshape(-1, 3).T[:, :, None]
     # four dofs of each body, those of the element that holds it
     dof, turn = shape.indices.reshape(-1, 4), slope.data.reshape(-1, 4)

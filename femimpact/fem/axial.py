@@ -11,7 +11,6 @@ from femimpact.errors import require
 from femimpact.fem.discretisation import Discretisation
 from femimpact.structure.axial import Axial
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import rigid_motions
 from femimpact.system.modes import lowest_modes
 from femimpact.system.system import System
@@ -68,7 +67,7 @@ def weight_shift(system: System, acceleration: float) -> float:
     phi = modes.vectors[:, -1]
     mass, spring = np.array([(pair.mass, pair.free_stiffness) for pair in balls]).T
     x = np.outer([pair.position for pair in balls], np.linspace(0.0, 1.0, 2001))
-    turn = (hermite_rows(system.nodes, x.ravel(), derivative=1) @ (system.expansion @ phi)).reshape(x.shape)
+    turn = (system.nodal_rows(x.ravel(), 1) @ (system.expansion @ phi)).reshape(x.shape)
     # y - w of every ball, by the mode's coordinate and the balls'
     stretch = np.column_stack([[-(pair.direction @ phi) for pair in balls], np.eye(len(balls))])
     free = stretch.T @ (spring[:, None] * stretch)

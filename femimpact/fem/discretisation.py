@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, ElementLineHermite, MeshLine
 from skfem.element import DiscreteField
 
@@ -30,7 +30,8 @@ from femimpact.errors import (
 from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import SUPPORTS, Position, Structure, Support
-from femimpact.system.hermite import SectionFields, shape_functions
+from femimpact.system.hermite import SectionFields, hermite_rows, shape_functions
+from femimpact.system.matrices import Matrix
 
 OFF_MESH = 1e-6
 """Share of the beam's length by which it and a mesh of single precision may differ."""
@@ -47,7 +48,13 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
 
     The stock element inverts a Vandermonde matrix in global coordinates and keeps it on the
     instance: it loses digits on fine or graded meshes and is wrong on a second mesh.
+
+    With lengths sqrt(EI/(kGA)) of the elements, (elements,), m, the dofs are those of `shape_functions`.
     """
+
+    def __init__(self, shear_lengths: Array | None = None) -> None:
+        super().__init__()
+        self.shear_lengths = shear_lengths
 
     def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> tuple[DiscreteField]:
         """Basis function i and its derivatives by x at reference points X."""
@@ -58,8 +65,12 @@ class ElementLineHermiteReference(ElementLineHermite):  # type: ignore[misc]
         if s.ndim == 1:
             s = np.broadcast_to(s, (t.shape[1], s.shape[0]))
         scale = length if i % 2 else 1.0
-        orders = enumerate(shape_functions(s))
-        value, slope, curvature, third = (scale * functions[i] / length**order for order, functions in orders)
+        shear = self.shear_lengths
+        ratio = None if shear is None else shear[slice(None) if tind is None else tind, None] / length
+        value, slope, curvature, third = (scale * shape_functions(s, k, ratio)[i] / length**k for k in range(4))
+        if ratio is not None:
+            # dw/dx is the turn and the shear strain
+            slope = slope - (ratio * length) ** 2 * third
         field = DiscreteField(value=value, grad=slope[None], hess=curvature[None, None], grad3=third[None, None, None])
         return (field,)
 
@@ -69,7 +80,8 @@ class Discretisation:
     """A structure on a mesh, before any matrix: what a user's weak forms are assembled on.
 
     All matrices on the basis have the dofs (w1, w1', w2, w2', ...), nodes from root to tip, w in m and the slope
-    w' = dw/dx positive, held dofs included. `assemble` keeps those in `free`.
+    w' = dw/dx positive, held dofs included. `assemble` keeps those in `free`. Where the beam shears, the turn of the
+    section stands in place of w'; `grad` of the basis is dw/dx, `hess` the curvature, the turn's derivative.
 
     Parameters
     ----------
@@ -82,7 +94,7 @@ class Discretisation:
     free : ndarray (dofs,)
         Numbers of the dofs that no support holds.
     sections : SectionFields
-        Bending stiffness, mass per length and so on in the middle of every element, and the taper.
+        Bending stiffness, mass per length and so on in the middle of every element, the taper, and how it shears.
     """
 
     structure: Structure
@@ -131,6 +143,10 @@ class Discretisation:
     def _quadrature_places(self) -> tuple[NDArray[np.int64], Array]:
         """Numbers of the elements, (elements, 1), and places from 0 to 1 inside them, (1, points)."""
         return np.arange(self.mesh.elements)[:, None], np.asarray(self.basis.X)
+
+    def rows(self, positions: ArrayLike, derivative: int = 0) -> Matrix:
+        """Sparse rows (positions, dofs) that read the deflection, its turn or a derivative of it (`hermite_rows`)."""
+        return hermite_rows(self.mesh.nodes, positions, derivative, shear_lengths=self.sections.shear_length)
 
     def position_of(self, at: Position, key: str = "at") -> float:
         """Metres from the root of a place that the mesh names, of a body's name, or of a number."""
@@ -186,33 +202,37 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     sections = _sections(structure.beam, mesh)
     # the product of two cubics, and rho A of degree 2 where width and thickness taper
     degree = 8 if sections.is_tapered.any() else 6
-    return Discretisation(structure, mesh, _basis(mesh.nodes.tobytes(), degree), free, sections)
+    shear = None if sections.shear_length is None else sections.shear_length.tobytes()
+    return Discretisation(structure, mesh, _basis(mesh.nodes.tobytes(), degree, shear), free, sections)
 
 
 @lru_cache(maxsize=4)
-def _basis(nodes: bytes, degree: int) -> Any:
+def _basis(nodes: bytes, degree: int, shear: bytes | None) -> Any:
     """The basis on nodes, of which structures on one mesh share the shape functions at the quadrature points."""
-    return Basis(MeshLine(np.frombuffer(nodes)), ElementLineHermiteReference(), intorder=degree)
+    element = ElementLineHermiteReference(None if shear is None else np.frombuffer(shear))
+    return Basis(MeshLine(np.frombuffer(nodes)), element, intorder=degree)
 
 
 def _sections(beam: Beam, mesh: Mesh) -> SectionFields:
     """The section of every element."""
-    values = np.empty((7, mesh.elements))
+    values = np.empty((8, mesh.elements))
     region = np.empty(mesh.elements, dtype=object)
     for segment, members in _segments_on_mesh(beam, mesh):
         bending, modulus = segment.bending_stiffness, segment.young_modulus
         rotary = segment.density * bending / modulus
         constants = (bending, segment.mass_per_length, rotary, modulus, segment.half_height or math.nan)
         values[:5, members] = np.array(constants)[:, None]
+        values[7, members] = segment.shear_length
         if segment.is_tapered:
-            (a, b), values[5:, members] = _taper(segment, mesh, members)
+            (a, b), values[5:7, members] = _taper(segment, mesh, members)
             values[:5, members] *= np.stack([a * b**3, a * b, a * b**3, np.ones(a.size), b])
         else:
-            values[5:, members] = 0.0
+            values[5:7, members] = 0.0
         region[members] = segment.name
     values.setflags(write=False)
-    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper = values
-    return SectionFields(stiffness, mass, inertia, moduli, half, region.astype(str), width_taper, thickness_taper)
+    stiffness, mass, inertia, moduli, half, width_taper, thickness_taper, shear = values
+    names, length = region.astype(str), shear if shear.any() else None
+    return SectionFields(stiffness, mass, inertia, moduli, half, names, width_taper, thickness_taper, length)
 
 
 def _taper(segment: Segment, mesh: Mesh, members: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -39,7 +39,6 @@ from femimpact.scene.scene import (
     snapshots_of,
 )
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows
 from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
 from femimpact.units import number_text
@@ -301,7 +300,7 @@ class Film:
     def at_pair(self, j: int) -> NDArray[np.float64]:
         """Deflection (m) of the beam at pair j in every snapshot."""
         position = self.response.system.balls[j].position
-        rows = hermite_rows(self.response.system.nodes, [position])
+        rows = self.response.system.nodal_rows([position])
         return np.asarray((rows @ self.snapshots.displacement.T)[0])
 
     def room(self, j: int) -> float:

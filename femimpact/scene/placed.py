@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femimpact.arrays import Array
+from femimpact.structure.beam import Beam
 from femimpact.structure.structure import (
     Absorber,
     Dashpot,
@@ -23,6 +24,7 @@ from femimpact.structure.structure import (
 )
 from femimpact.system.contact_pair import ContactPair, meetings_of
 from femimpact.system.hermite import hermite_rows
+from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
 BALL_DENSITY = 7850.0
@@ -96,6 +98,7 @@ class DrawnSystem:
     first_frequency: float = math.nan  # Hz: not a number where it was not kept
     # (Hz, 1) natural frequencies and damping ratios of the lowest modes, where they were kept
     modes: tuple[Array, Array] = field(default_factory=lambda: (np.zeros(0), np.zeros(0)))
+    beam: Beam | None = None  # whose segments say where it shears
 
     @property
     def dofs(self) -> int:
@@ -116,9 +119,15 @@ class DrawnSystem:
         """Metres from the root of a place."""
         return float(self.points[at] if isinstance(at, str) else at)
 
+    def nodal_rows(self, positions: ArrayLike, derivative: int = 0) -> Matrix:
+        """Sparse rows that read the deflection or its turn from nodal values (w1, w1', w2, w2', ...)."""
+        beam, middles = self.beam, 0.5 * (self.nodes[1:] + self.nodes[:-1])
+        shear = np.array([beam.segments[beam.segment_index_at(x)].shear_length for x in middles if beam is not None])
+        return hermite_rows(self.nodes, positions, derivative, shear_lengths=shear if shear.any() else None)
+
     def deflection_rows(self, positions: ArrayLike) -> Array:
         """Rows that read the deflection from nodal values (w1, w1', w2, w2', ...)."""
-        return np.asarray(hermite_rows(self.nodes, positions).toarray())
+        return np.asarray(self.nodal_rows(positions).toarray())
 
 
 def drawn_system(
@@ -127,7 +136,7 @@ def drawn_system(
 ) -> DrawnSystem:
     """The places and contacts of a structure that is not assembled; KeyError for a place that has no name there."""
     length = structure.beam.length
-    system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points})
+    system = DrawnSystem(np.zeros(0), {"root": 0.0, "tip": length, "mid": 0.5 * length, **points}, beam=structure.beam)
 
     def drawn(part: Impactor | Absorber | Stop, mass: float, fixed_to: str = "base") -> DrawnContact:
         place = system.position_of(structure.place_of(part.at))

@@ -28,7 +28,6 @@ from femimpact.scene.placed import (
 )
 from femimpact.structure.beam import Segment
 from femimpact.structure.structure import PointMass, Structure
-from femimpact.system.hermite import hermite_rows
 from femimpact.system.matrices import Matrix
 from femimpact.system.system import System
 
@@ -383,7 +382,7 @@ class Scene:
         return result
 
     def rotation(self, nodal: Array) -> Array:
-        """Rotation dw/dx about z of all points, ndarray (points, 3); 0 of what hangs on no section."""
+        """Turns of the sections about z at all points, ndarray (points, 3); 0 of what hangs on no section."""
         result = np.zeros_like(self.points)
         result[:, 2] = self.slope @ nodal
         return result
@@ -433,8 +432,8 @@ def build_scene(
         types=np.array([kind for kind, _, _ in cells], dtype=np.uint8),
         part=np.array([body.part for _, _, body in cells], dtype=np.int32),
         pair=np.array([body.pair for _, _, body in cells], dtype=np.int32),
-        deflection=sparse.csr_array(fixed @ hermite_rows(system.nodes, place)),
-        slope=sparse.csr_array(fixed @ hermite_rows(system.nodes, place, 1)),
+        deflection=sparse.csr_array(fixed @ system.nodal_rows(place)),
+        slope=sparse.csr_array(fixed @ system.nodal_rows(place, 1)),
         # what hangs on no section has no arm
         arm=np.where(held[:, None], np.column_stack([points[:, 0] - place, points[:, 1]]), 0.0),
         carried=sparse.csr_array(

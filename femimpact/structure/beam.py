@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -80,6 +80,10 @@ class Segment:
         Of a round bar or a tube, outside.
     wall : float, m
         Thickness of a tube's wall, with the diameter.
+    shear_modulus : float, Pa
+        G: the segment shears, and its sections have rotary inertia; by default neither. It must not taper then.
+    shear_factor : float, 1
+        k in the shear stiffness k G A; 5/6 of a rectangle by default. `Beam.round` and `Beam.tube` take Cowper's.
     """
 
     length: float = field(metadata=quantity("m", above=0.0))
@@ -95,6 +99,8 @@ class Segment:
     outer_fibre: float | None = field(default=None, metadata=quantity("m", above=0.0))
     diameter: float | None = field(default=None, metadata=quantity("m", above=0.0))
     wall: float | None = field(default=None, metadata=quantity("m", above=0.0))
+    shear_modulus: float | None = field(default=None, metadata=quantity("Pa", above=0.0))
+    shear_factor: float | None = field(default=None, metadata=quantity("1", above=0.0, at_most=1.0))
 
     def __post_init__(self) -> None:
         faults = []
@@ -108,6 +114,15 @@ class Segment:
             by = "diameter" if "diameter" in set_fields else "area and second_moment"
             tapers = [n for n in ("end_width", "end_thickness") if getattr(self, n) is not None]
             faults += [Fault(n, getattr(self, n), "m", allowed.format(by)) for n in tapers]
+        if self.shear_modulus is None and self.shear_factor is not None:
+            allowed = "must be left out without shear_modulus (Pa): the segment does not shear"
+            faults.append(Fault("shear_factor", self.shear_factor, "1", allowed))
+        elif self.shear_modulus is not None and self.shear_factor is None and self.width is None:
+            allowed = "must be given, as only a rectangle has a default; Beam.round and Beam.tube find Cowper's"
+            faults.append(Fault("shear_factor", None, "1", allowed))
+        elif self.shear_modulus is not None and (self.end_width or self.end_thickness):
+            allowed = "must be left out where the section tapers: take short segments, each of one section"
+            faults.append(Fault("shear_modulus", self.shear_modulus, "Pa", allowed))
         check_fields(self, *faults)
         if self.diameter is not None and self.wall is not None:
             allowed = f"must be below half the diameter, {0.5 * self.diameter:.6g} m: a bar without a hole has no wall"
@@ -183,6 +198,14 @@ class Segment:
         return self.young_modulus * width * thickness**3 / 12.0
 
     @property
+    def shear_length(self) -> float:
+        """sqrt(E I/(k G A)), m; 0 without a shear modulus."""
+        if self.shear_modulus is None:
+            return 0.0
+        factor = self.shear_factor or 5.0 / 6.0
+        return self.rectangle[1] * math.sqrt(self.young_modulus / (12.0 * factor * self.shear_modulus))
+
+    @property
     def mass_per_length(self) -> float:
         """Rho A, kg/m; at the start of a taper."""
         width, thickness = self.rectangle
@@ -193,6 +216,19 @@ class Segment:
         """Mass, kg: the integral of rho A, with A = A(0) (1 + a s)(1 + b s) over s = 0 to 1."""
         a, b = (end / start - 1.0 for start, end in zip(self.rectangle, self.end_rectangle, strict=True))
         return self.length * self.mass_per_length * (1.0 + 0.5 * (a + b) + a * b / 3.0)
+
+
+def _circle(bare: Segment, shear_modulus: float | None = None, shear_factor: float | None = None) -> Segment:
+    """A round bar or a tube with shear; its factor is by default that of a hollow circle (Cowper, 1966)."""
+    if shear_modulus is not None and shear_factor is None:
+        modulus = checked("shear_modulus", shear_modulus, quantity("Pa", above=0.0))
+        nu = bare.young_modulus / (2.0 * modulus) - 1.0
+        allowed = f"gives Poisson's number E/(2 G) - 1 = {nu:.4g}; must give -1 to 0.5, or give shear_factor"
+        require(-1.0 < nu <= 0.5, "shear_modulus", modulus, "Pa", allowed)
+        inner = 0.0 if bare.diameter is None or bare.wall is None else 1.0 - 2.0 * bare.wall / bare.diameter
+        q = (1.0 + inner**2) ** 2
+        shear_factor = 6.0 * (1.0 + nu) * q / ((7.0 + 6.0 * nu) * q + (20.0 + 12.0 * nu) * inner**2)
+    return replace(bare, shear_modulus=shear_modulus, shear_factor=shear_factor)
 
 
 @dataclass(frozen=True)
@@ -231,19 +267,29 @@ class Beam:
 
     @classmethod
     @takes()
-    def uniform(cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float) -> Beam:
-        """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3."""
-        return cls((Segment(length, young_modulus, density, width, thickness),))
+    def uniform(
+        cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float, **shear: Any
+    ) -> Beam:
+        """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3.
+
+        It shears with `shear_modulus` (Pa) and `shear_factor`, as of `Segment`; so do the others.
+        """
+        return cls((Segment(length, young_modulus, density, width, thickness, **shear),))
 
     @classmethod
-    def round(cls, *, length: float, diameter: float, young_modulus: float, density: float) -> Beam:
-        """A round bar; lengths in m, modulus in Pa, density in kg/m^3."""
-        return cls((Segment(length, young_modulus, density, diameter=diameter),))
+    def round(cls, *, length: float, diameter: float, young_modulus: float, density: float, **shear: Any) -> Beam:
+        """A round bar; lengths in m, moduli in Pa, density in kg/m^3; the shear factor by default as of `tube`."""
+        return cls((_circle(Segment(length, young_modulus, density, diameter=diameter), **shear),))
 
     @classmethod
-    def tube(cls, *, length: float, diameter: float, wall: float, young_modulus: float, density: float) -> Beam:
-        """A round tube of an outer diameter and a wall's thickness; lengths in m, modulus in Pa, density in kg/m^3."""
-        return cls((Segment(length, young_modulus, density, diameter=diameter, wall=wall),))
+    def tube(
+        cls, *, length: float, diameter: float, wall: float, young_modulus: float, density: float, **shear: Any
+    ) -> Beam:
+        """A round tube of an outer diameter and a wall's thickness; lengths in m, moduli in Pa, density in kg/m^3.
+
+        The shear factor is Cowper's by default: 6 (1 + nu)/(7 + 6 nu) of a bar, 2 (1 + nu)/(4 + 3 nu) of a thin wall.
+        """
+        return cls((_circle(Segment(length, young_modulus, density, diameter=diameter, wall=wall), **shear),))
 
     @classmethod
     def section(
@@ -255,14 +301,15 @@ class Beam:
         outer_fibre: float | None = None,
         young_modulus: float,
         density: float,
+        **shear: Any,
     ) -> Beam:
         """A beam of another section: area in m^2, second moment in m^4, outer fibre in m, as of `Segment`.
 
-        Lengths in m, modulus in Pa, density in kg/m^3. Without `outer_fibre` there is no surface strain and no surface
+        Lengths in m, moduli in Pa, density in kg/m^3. Without `outer_fibre` there is no surface strain and no surface
         stress.
         """
         segment = Segment(
-            length, young_modulus, density, area=area, second_moment=second_moment, outer_fibre=outer_fibre
+            length, young_modulus, density, area=area, second_moment=second_moment, outer_fibre=outer_fibre, **shear
         )
         return cls((segment,))
 

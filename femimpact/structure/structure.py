@@ -647,8 +647,8 @@ def _of_damping(structure: Structure) -> Iterator[UnusualNumber]:
 def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
     beam = structure.beam
     thickness = max(part.drawn_at(x)[1] for part in beam.segments for x in (0.0, part.length))
-    if beam.length < SLENDER * thickness:
-        usual = f"below {SLENDER:g}, where shear and rotary inertia, which are left out, are no longer small"
+    if beam.length < SLENDER * thickness and not all(segment.shear_modulus for segment in beam.segments):
+        usual = f"below {SLENDER:g}, where shear and rotary inertia, left out for want of shear_modulus, matter"
         instead = f"is it in metres? take a thickness of at most {beam.length / SLENDER:.6g} m"
         yield UnusualNumber("beam.length", beam.length / thickness, "times the thickness", SLENDER, usual, instead)
     for segment in beam.segments:
@@ -662,7 +662,7 @@ def _of_sections(structure: Structure) -> Iterator[UnusualNumber]:
                 usual = f"outside {low:g} to {high:g} {unit} ({examples})"
                 limit = low if value < low else high
                 yield UnusualNumber(f"{path}.{name}", value, unit, limit, usual, instead)
-        for name in ("width", "diameter", "outer_fibre"):
+        for name in ("width", "diameter", "outer_fibre", *(("thickness",) if segment.shear_modulus else ())):
             value = getattr(segment, name)
             if value is not None and value > beam.length:
                 usual = f"more than the length of the beam, {beam.length:.4g} m, which is no beam"

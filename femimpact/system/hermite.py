@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -35,15 +36,25 @@ DERIVATIVE = quantity("1", at_least=0, at_most=3, integer=True)
 
 def shape_functions(
     s: Array,  # shape (...) position inside the element, 0 at its first node and 1 at its second
-) -> tuple[tuple[Array, ...], ...]:
-    """Cubic Hermite shape functions of (w1, h w1', w2, h w2'), and their three derivatives by s.
+    derivative: int,
+    ratio: Array | float | None = None,  # sqrt(EI/(kGA)) over the element length h; None: the element does not shear
+) -> tuple[Array, ...]:
+    """Four functions (...) of (w1, h w1', w2, h w2') for the deflection or its first, second or third derivative by s.
 
-    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', with s = (x - x1)/h.
+    w(s) = H1 w1 + H2 h w1' + H3 w2 + H4 h w2', cubic Hermite, s = (x - x1)/h. Multiply the second and the fourth by the
+    element length for dofs (w, dw/dx), and divide all by that power of it for derivatives by x.
 
-    Returns four functions (...) for each order; multiply the second and the fourth by the element length for dofs
-    (w, dw/dx), and divide all of an order by that power of it for derivatives by x.
+    In an element that shears the dofs are w and the turn t of the section, and the first derivative is the turn. The
+    shear strain gamma = dw/dx - t is constant: with Phi = 12 ratio^2 it is Phi/(1 + Phi) ((w2 - w1)/h - (t1 + t2)/2),
+    and w is the cubic with the end slopes t + gamma, as where no load acts (interdependent interpolation).
     """
-    return tuple(shapes(s) for shapes in _SHAPES)
+    if ratio is None:
+        return _SHAPES[derivative](s)
+    # what is left where Phi is infinite, and a multiple of the third derivative: no digit is lost
+    limit: Any = (1 - s, (s - s**2) / 2, s, (s**2 - s) / 2), (0, 1 - s, 0, s), (0, -1, 0, 1), (0, 0, 0, 0)
+    bend = s - 3 * s**2 + 2 * s**3, 6 * s**2 - 6 * s, 12 * s - 6, 12 + 0.0 * s
+    share = bend[derivative] / (1.0 + 12.0 * ratio**2)
+    return tuple(part + share * by for part, by in zip(limit[derivative], (1.0, 0.5, -1.0, 0.5), strict=True))
 
 
 _SHAPES: tuple[Callable[[Array], tuple[Array, ...]], ...] = (
@@ -74,15 +85,18 @@ def hermite_rows(
     positions: ArrayLike,  # (k,) m
     derivative: int = 0,
     side: str = "right",  # {"left", "right"}: which element is read at a node, where curvature and its slope jump
+    shear_lengths: Array | None = None,  # (n - 1,) m: sqrt(EI/(kGA)) of each element; None: none shears
 ) -> Matrix:  # csr_array (k, 2 n)
-    """Sparse rows from nodal (w, w') pairs to the deflection, or a derivative of it, at positions.
+    """Sparse rows from nodal pairs of deflection and turn to the deflection, or a derivative of it, at positions.
 
-    A position off the nodes by rounding is moved to their end.
+    The first derivative is the turn of the section, dw/dx where the beam does not shear; the second is the curvature,
+    whose multiple the bending moment is. A position off the nodes by rounding is moved to their end.
     """
     x = np.minimum(np.maximum(np.atleast_1d(np.asarray(positions, dtype=float)), nodes[0]), nodes[-1])
     element = element_of(nodes, x, side)
     length = nodes[element + 1] - nodes[element]
-    values = np.array(_SHAPES[derivative]((x - nodes[element]) / length)) / length**derivative
+    ratio = None if shear_lengths is None else shear_lengths[element] / length
+    values = np.array(shape_functions((x - nodes[element]) / length, derivative, ratio)) / length**derivative
     values[[1, 3]] *= length
     column = (2 * element[:, None] + np.arange(4)).ravel()
     first = np.arange(0, column.size + 1, 4)
@@ -130,7 +144,7 @@ class SectionFields:
     mass_per_length : ndarray (elements,), kg/m
         rho A.
     rotary_inertia : ndarray (elements,), kg m
-        rho I, which the beam's mass matrix leaves out.
+        rho I, which the beam's mass matrix has where the beam shears.
     young_modulus : ndarray (elements,), Pa
     half_height : ndarray (elements,), m
         From the neutral axis to the surface; not a number where it is not known.
@@ -138,6 +152,8 @@ class SectionFields:
         Name of the segment.
     width_taper, thickness_taper : ndarray (elements,), 1
         Difference of width and of thickness between the two ends of each element, over the value in its middle.
+    shear_length : ndarray (elements,), m, optional
+        sqrt(E I/(k G A)); 0 where the beam does not shear, as it does not where it tapers. None: nowhere.
     """
 
     bending_stiffness: Array
@@ -148,6 +164,7 @@ class SectionFields:
     region: NDArray[np.str_]
     width_taper: Array
     thickness_taper: Array
+    shear_length: Array | None = None
 
     @property
     def is_tapered(self) -> NDArray[np.bool_]:

@@ -389,6 +389,14 @@ class System:
             return float(self.points[at])
         return float(self._on_beam(checked("at", at, quantity("m")) if self.nodes.size else at, "at"))
 
+    def nodal_rows(self, positions: ArrayLike, derivative: int = 0, side: str = "right") -> Matrix:
+        """Sparse rows (k, 2 n) of `deflection_rows` on the deflections and turns of the nodes, held ones included."""
+        x = np.atleast_1d(self._on_beam(positions))
+        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
+        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
+        shear = None if self.sections is None else self.sections.shear_length
+        return hermite_rows(self.nodes, x, order, end, shear)
+
     def deflection_rows(self, positions: ArrayLike, derivative: int = 0) -> Array:
         """Rows that read the deflection (or its derivative by x) at positions off the dofs.
 
@@ -398,7 +406,7 @@ class System:
         ----------
         positions : array_like (k,), m
         derivative : int
-            0 deflection, 1 slope dw/dx, 2 curvature (1/m), 3 its slope (1/m^2).
+            0 deflection, 1 turn of the section, without shear dw/dx, 2 its derivative, the curvature (1/m), 3 (1/m^2).
 
         Returns
         -------
@@ -409,7 +417,7 @@ class System:
         InputError
             If there is no beam, a position lies off it, or a cubic has no such derivative.
         """
-        return self._rows(positions, derivative, "right")
+        return self._on_dofs(self.nodal_rows(positions, derivative))
 
     def curvature_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the curvature w'' (1/m) at positions.
@@ -435,14 +443,14 @@ class System:
         InputError
             If there is no beam, or a position lies off it.
         """
-        return self._rows(positions, 2, side)
+        return self._on_dofs(self.nodal_rows(positions, 2, side))
 
     def shear_rows(self, positions: ArrayLike, side: str = "right") -> Array:
         """Rows that read the shear force (EI w'')' = EI w''' + (EI)' w'' (N) at positions.
 
         w''' is constant in a cubic element, so that the reading jumps from element to element: its error is of the
         first order of the element's length, and of the second at an element's middle. Where the section is constant
-        (EI)' is 0, and an element has one shear force; along a taper the shear force varies inside it.
+        (EI)' is 0, and an element has one shear force, -k G A times its shear strain if any; along a taper it varies.
 
         Parameters
         ----------
@@ -460,10 +468,10 @@ class System:
             If there is no beam with known sections, or a position lies off it.
         """
         sections, (element, s) = self._known_sections, self._place_of(positions, side)
-        rows = sections.bending_stiffness_at(element, s)[:, None] * self._rows(positions, 3, side)
+        rows = sections.bending_stiffness_at(element, s)[:, None] * self._on_dofs(self.nodal_rows(positions, 3, side))
         if sections.is_tapered[element].any():
             slope = sections.bending_stiffness_at(element, s, derivative=1) / np.diff(self.nodes)[element]
-            rows = rows + slope[:, None] * self._rows(positions, 2, side)
+            rows = rows + slope[:, None] * self._on_dofs(self.nodal_rows(positions, 2, side))
         return np.asarray(rows)
 
     def section_at(self, at: Position, side: str = "right") -> Section:
@@ -508,12 +516,6 @@ class System:
         require(beyond.size == 0, key, float(beyond[0]) if beyond.size else None, "m", allowed)
         return np.minimum(np.maximum(x, root), tip)
 
-    def _rows(self, positions: ArrayLike, derivative: int, side: str) -> Array:
-        x = np.atleast_1d(self._on_beam(positions))
-        require(x.ndim == 1, "positions", f"array of shape {x.shape}", "m", "must be one place or a row of them")
-        order, end = checked("derivative", derivative, DERIVATIVE), checked("side", side, SIDE)
-        return self._on_dofs(hermite_rows(self.nodes, x, order, end))
-
     def _on_dofs(self, rows: Any) -> Array:
         """Rows on the dofs of what rows (k, 2 n) read at the nodes."""
         if isinstance(self.expansion, np.ndarray):
@@ -524,14 +526,14 @@ class System:
     def _nodal_row(self, at: Position | LineLoad) -> Matrix:
         """Row (1, 2 n) on the nodes' (w, w') that reads the deflection at a place, or the integral of q w dx (N m)."""
         if not isinstance(at, LineLoad):
-            return hermite_rows(self.nodes, [self.position_of(at)])
+            return self.nodal_rows([self.position_of(at)])
         self._on_beam([])
         points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         half = 0.5 * np.diff(self.nodes)[:, None]
         x = (self.nodes[:-1, None] + half * (1.0 + points)).ravel()
         q = [at.density(float(place)) for place in x] if callable(at.density) else at.density
         density = real_array("density", q, "N/m", "must be a finite number at each place of the beam")
-        return sparse.csr_array([(half * weights).ravel() * density]) @ hermite_rows(self.nodes, x)
+        return sparse.csr_array([(half * weights).ravel() * density]) @ self.nodal_rows(x)
 
     def resultant(self, line: LineLoad) -> float:
         """Force (N) of a line load: the integral of its density over the beam."""

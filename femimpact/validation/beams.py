@@ -105,6 +105,33 @@ def tip_flexibility() -> Iterator[Case]:
     )  # fmt: skip
 
 
+def thick_cantilever() -> Iterator[Case]:
+    """A bar that shears: F L^3/(3 EI) + F L/(kGA), and the transfer matrix of (w, t, M, Q), M = Q = 0 at the tip."""
+    from scipy.linalg import expm
+    from scipy.optimize import brentq
+
+    shear = {"shear_modulus": 26e9, "shear_factor": 0.85}
+    beam = Beam.uniform(length=0.1, width=0.02, thickness=0.013, young_modulus=70e9, density=2700.0, **shear)
+    (bar,) = beam.segments
+    kga, rotary = 0.85 * 26e9 * 0.02 * 0.013, 2700.0 * 0.02 * 0.013**3 / 12.0
+
+    def determinant(frequency: float) -> float:
+        squared, rates = (2.0 * math.pi * frequency) ** 2, np.zeros((4, 4))
+        rates[[0, 0, 1, 2], [1, 3, 2, 3]] = 1.0, 1.0 / kga, 1.0 / bar.bending_stiffness, -1.0
+        rates[[2, 3], [1, 0]] = -rotary * squared, -bar.mass_per_length * squared
+        return float(np.linalg.det(expm(0.1 * rates)[2:, 2:]))
+
+    system = assemble(Structure(beam, stops=(Stop("probe", "tip", (math.inf, 0.1), Rigid(0.5)),)), ELEMENTS)
+    exact, computed = 0.1**3 / (3.0 * bar.bending_stiffness) + 0.1 / kga, system.contacts[0].flexibility
+    source = "derived here (F L^3/(3 E I) + F L/(k G A))", "deflection", "m"
+    yield Case("bar that shears, tip under 1 N", *source, exact, computed, 1e-12, "exact for end loads: rounding only")
+    source, reason = ("derived here (transfer matrix)", "frequency", "Hz"), f"order 2 of {ELEMENTS} elements"
+    for mode, bound in enumerate((5e-7, 2e-5, 1e-4), start=1):
+        computed = float(solve_modes(system, 3).natural_frequency[mode - 1])
+        exact = float(brentq(determinant, 0.97 * computed, 1.03 * computed, xtol=1e-9))
+        yield Case(f"bar that shears, mode {mode}", *source, exact, computed, bound, reason)
+
+
 def _modal_series(frequency: float, alpha: float, beta: float) -> float:
     """Tip amplitude over base amplitude, relative motion: the sum over the clamped-free modes.
 
@@ -165,7 +192,7 @@ def axial_load() -> Iterator[Case]:
         yield Case(f"cantilever that {name}, mode 1", source, quantity, "1", float(exact), omega, 2e-8, reason)
 
 
-CASES = (cantilever_root, tip_mass_root, tip_flexibility, base_sine, axial_load)
+CASES = (cantilever_root, tip_mass_root, tip_flexibility, thick_cantilever, base_sine, axial_load)
 """The cases of this subject, in the order of the table."""
 
 

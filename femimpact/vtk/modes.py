@@ -14,7 +14,7 @@ from femimpact.arrays import Array
 from femimpact.errors import checked, quantity, require
 from femimpact.scene.scene import BEAM, PARTS, Scene, build_scene, outline_of, sections_along
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows, needs_outer_fibre, place_in_element
+from femimpact.system.hermite import needs_outer_fibre, place_in_element
 from femimpact.system.matrices import Matrix
 from femimpact.system.modes import Modes, require_modes_of
 from femimpact.system.system import System
@@ -67,7 +67,7 @@ class BeamFields:
         return {name: np.concatenate([value, off]) for name, value in values.items()}
 
     def on_cells(self, nodal: Array) -> Array:
-        """Mean strain energy density (J/m^3) of every cell: times its volume it sums to the strain energy."""
+        """Mean strain energy density (J/m^3) of every cell: times its volume it sums to that of bending."""
         a, b = self.begin @ nodal, self.end @ nodal
         values = np.zeros(self.on_beam.size)
         values[self.on_beam] = np.sum(self.cell_energy * np.stack([a * a, a * b, b * b], axis=1), axis=1)
@@ -91,7 +91,7 @@ def beam_fields(
     sides = ("right", "left")
     middle = np.repeat([0.5 * (stations[0] + stations[-1]) for stations in scene.stretches], sizes)
     constants = [_constants(structure, system, x, middle, side) for side in sides]
-    rows = [[hermite_rows(system.nodes, x, order, side) for side in sides] for order in (2, 3)]
+    rows = [[system.nodal_rows(x, order, side) for side in sides] for order in (2, 3)]
 
     def mean(order: int, factors: Any) -> Any:
         parts = zip(weights, factors, rows[order - 2], strict=True)

@@ -25,7 +25,6 @@ from femimpact.response.response import Response
 from femimpact.scene.placed import Contact, PlacedStructure, ball_radius, offsets_of, placed_structure
 from femimpact.scene.scene import BODY, BOX, PARTS, STOP, SUPPORT, Body, bodies_on_beam, chosen_exaggeration
 from femimpact.structure.structure import Structure
-from femimpact.system.hermite import hermite_rows
 from femimpact.units import TIMES
 
 MOST_SNAPSHOTS, MOST_IMPACTS = 600, 600
@@ -77,11 +76,13 @@ def frames_of(response: Response) -> Frames | None:
     hits = _hits(response.impacts, grid, [pair.name for pair in contacts])
     times = np.unique(np.concatenate([grid, hits["time"]]))
     stations = _stations(nodes, [pair.position for pair in contacts])
-    rows, slopes = (hermite_rows(nodes, stations, order).toarray() for order in (0, 1))
+    rows, slopes = (response.system.nodal_rows(stations, order).toarray() for order in (0, 1))
     displacement = _between(snapshots, times)
     deflection = displacement @ rows.T
     at_pairs = (
-        displacement @ hermite_rows(nodes, [pair.position for pair in contacts]).toarray().T if contacts else None
+        displacement @ response.system.nodal_rows([pair.position for pair in contacts]).toarray().T
+        if contacts
+        else None
     )
     balls = np.zeros((times.size, len(response.system.balls)))
     for j, pair in enumerate(response.system.balls):

@@ -115,7 +115,8 @@ def _of_gap(varied: Mapping[str, Sequence[str]], ball: Contact, of_design: str) 
 
 def _segment_words(segment: Segment) -> str:
     material = f"{typeset_number(segment.young_modulus / 1e9)} GPa, {typeset_number(segment.density)} kg/m\u00b3"
-    return f"{in_words(segment.length)} long, {_section_words(segment)}, {material}"
+    shear = f", shear {typeset_number(segment.shear_modulus / 1e9)} GPa" if segment.shear_modulus else ""
+    return f"{in_words(segment.length)} long, {_section_words(segment)}, {material}{shear}"
 
 
 def _section_words(segment: Segment) -> str:
