@@ -218,7 +218,7 @@ class Segment:
         return self.length * self.mass_per_length * (1.0 + 0.5 * (a + b) + a * b / 3.0)
 
 
-def _circle(bare: Segment, shear_modulus: float | None = None, shear_factor: float | None = None) -> Segment:
+def _circle(bare: Segment, shear_modulus: float | None, shear_factor: float | None) -> Segment:
     """A round bar or a tube with shear; its factor is by default that of a hollow circle (Cowper, 1966)."""
     if shear_modulus is not None and shear_factor is None:
         modulus = checked("shear_modulus", shear_modulus, quantity("Pa", above=0.0))
@@ -268,28 +268,56 @@ class Beam:
     @classmethod
     @takes()
     def uniform(
-        cls, *, length: float, width: float, thickness: float, young_modulus: float, density: float, **shear: Any
+        cls,
+        *,
+        length: float,
+        width: float,
+        thickness: float,
+        young_modulus: float,
+        density: float,
+        shear_modulus: float | None = None,
+        shear_factor: float | None = None,
     ) -> Beam:
         """A beam of one rectangle, where `round`, `tube` and `section` make others; in m, Pa and kg/m^3.
 
         It shears with `shear_modulus` (Pa) and `shear_factor`, as of `Segment`; so do the others.
         """
-        return cls((Segment(length, young_modulus, density, width, thickness, **shear),))
+        bare = Segment(length, young_modulus, density, width, thickness)
+        return cls((replace(bare, shear_modulus=shear_modulus, shear_factor=shear_factor),))
 
     @classmethod
-    def round(cls, *, length: float, diameter: float, young_modulus: float, density: float, **shear: Any) -> Beam:
+    def round(
+        cls,
+        *,
+        length: float,
+        diameter: float,
+        young_modulus: float,
+        density: float,
+        shear_modulus: float | None = None,
+        shear_factor: float | None = None,
+    ) -> Beam:
         """A round bar; lengths in m, moduli in Pa, density in kg/m^3; the shear factor by default as of `tube`."""
-        return cls((_circle(Segment(length, young_modulus, density, diameter=diameter), **shear),))
+        bare = Segment(length, young_modulus, density, diameter=diameter)
+        return cls((_circle(bare, shear_modulus, shear_factor),))
 
     @classmethod
     def tube(
-        cls, *, length: float, diameter: float, wall: float, young_modulus: float, density: float, **shear: Any
+        cls,
+        *,
+        length: float,
+        diameter: float,
+        wall: float,
+        young_modulus: float,
+        density: float,
+        shear_modulus: float | None = None,
+        shear_factor: float | None = None,
     ) -> Beam:
         """A round tube of an outer diameter and a wall's thickness; lengths in m, moduli in Pa, density in kg/m^3.
 
         The shear factor is Cowper's by default: 6 (1 + nu)/(7 + 6 nu) of a bar, 2 (1 + nu)/(4 + 3 nu) of a thin wall.
         """
-        return cls((_circle(Segment(length, young_modulus, density, diameter=diameter, wall=wall), **shear),))
+        bare = Segment(length, young_modulus, density, diameter=diameter, wall=wall)
+        return cls((_circle(bare, shear_modulus, shear_factor),))
 
     @classmethod
     def section(
@@ -301,7 +329,8 @@ class Beam:
         outer_fibre: float | None = None,
         young_modulus: float,
         density: float,
-        **shear: Any,
+        shear_modulus: float | None = None,
+        shear_factor: float | None = None,
     ) -> Beam:
         """A beam of another section: area in m^2, second moment in m^4, outer fibre in m, as of `Segment`.
 
@@ -309,7 +338,14 @@ class Beam:
         stress.
         """
         segment = Segment(
-            length, young_modulus, density, area=area, second_moment=second_moment, outer_fibre=outer_fibre, **shear
+            length,
+            young_modulus,
+            density,
+            area=area,
+            second_moment=second_moment,
+            outer_fibre=outer_fibre,
+            shear_modulus=shear_modulus,
+            shear_factor=shear_factor,
         )
         return cls((segment,))
 
