@@ -666,6 +666,23 @@ def test_the_answer_of_a_sweep_says_what_the_ball_does():
     assert words.endswith(": at least 8 times less.")
 
 
+def test_two_runs_of_which_one_has_the_ball_are_compared_under_any_headings(tmp_path):
+    system, base = reduced(REFERENCE, 1, 6), fi.Sine(2e-4, 5.3)
+    ball, bare = (fi.integrate(one, base, fi.EventDriven(), 20.0) for one in (system, fi.without_impactors(system)))
+
+    def answer(**parts):
+        text = fi.report(tmp_path / "two.html", parts).read_text(encoding="utf-8")
+        return text.partition('class="answer">')[2].partition("</p>")[0]
+
+    words = [f"{1e3 * run.steady.peak[0]:.3g} mm" for run in (bare, ball)]
+    for parts in ({"A": ball, "B": bare}, {"B": bare, "A": ball}):
+        assert f"the largest motion of the tip from {words[0]} to {words[1]}" in answer(**parts)
+    # not where the drives differ, or both have it
+    other = fi.integrate(fi.without_impactors(system), fi.Sine(1e-4, 5.3), fi.EventDriven(), 20.0)
+    assert "The ball" not in answer(A=ball, B=other)
+    assert "The ball" not in answer(A=ball, B=ball)
+
+
 def test_two_runs_named_without_and_with_are_compared(tmp_path):
     system = fi.without_impactors(reduced(REFERENCE, 1, 6))
     one, half = (

@@ -45,6 +45,7 @@ from femimpact.app.report.views import Measure, measures_of, sections_of, spectr
 from femimpact.app.results.picture_data import ResultReading, Run, SweptCurves, read_results
 from femimpact.app.results.results import StudyResults
 from femimpact.app.study.findings import Findings, place_words
+from femimpact.app.study.prepared import carried_words
 from femimpact.app.study.summary import kind_of_peak, peak_of_history, rms_of_history
 from femimpact.arrays import thinned_line
 from femimpact.convergence.table import ConvergenceStudy, ConvergenceTable
@@ -60,6 +61,7 @@ from femimpact.errors import (
     text,
     warns,
 )
+from femimpact.excitation.drives import drive_words
 from femimpact.excitation.excitation import has_cycle
 from femimpact.figures.study_labels import axis_names, path_words
 from femimpact.files import target_path
@@ -232,10 +234,18 @@ def report(
 
 
 def _answer_of(responses: Mapping[str, Response]) -> str:
-    """What differs between two responses under the headings "without X" and "with X"; "" where there are none."""
+    """What differs between two responses by what one of them carries; "" where there are none.
+
+    They are named "without X" and "with X", or are the only two, under one drive.
+    """
     named = {heading.lower(): (peak_of_history(one), rms_of_history(one)) for heading, one in responses.items()}
     pairs = [(name.removeprefix("without "), numbers) for name, numbers in named.items() if name.startswith("without ")]
     both = [(carried, alone, named[f"with {carried}"]) for carried, alone in pairs if f"with {carried}" in named]
+    if len(responses) == 2 and not both:
+        bare, loaded = sorted(responses, key=lambda heading: len(responses[heading].system.contacts))
+        system, drives = responses[loaded].system, {tuple(drive_words(one.base)) for one in responses.values()}
+        if system.contacts and not responses[bare].system.contacts and len(drives) == 1:
+            both = [(carried_words(system), named[bare.lower()], named[loaded.lower()])]
     places = {place_words(one.system.default_place) for one in responses.values()}
     return answer_of_runs(*both[0], *places) if len(both) == len(places) == 1 else ""
 
