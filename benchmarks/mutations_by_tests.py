@@ -51,7 +51,7 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("spin_of_a_rotary_inertia", "axial_forces(grid, load, lag)", "axial_forces(grid, load, 0.0)"),
         Mutation("ball_on_a_tilted_floor", "free + held + tilt + tilt.T", "free + held + tilt"),
         Mutation("turns_of_a_spin", "Fraction(2.0 * math.pi) * _SYMBOLS", "Fraction(math.pi) * _SYMBOLS"),
-        Mutation("node_of_a_jump", "places if np.abs(self.nodes - x).min() >", "() if np.abs(self.nodes - x).min() >"),
+        Mutation("node_of_a_jump", "places if np.abs(mesh.nodes - x).min() >", "() if np.abs(mesh.nodes - x).min() >"),
     ),
     "test_meetings.py": (
         Mutation("mass_of_a_meeting", "first_mode=root_mobility([contacts", "first_mode=1.1 * root_mobility([contacts"),

@@ -190,6 +190,7 @@ NOUNS = {
     "Laser": lambda: LASER,
     "LaserReading": lambda: LASER.measure(response()),
     "StroboscopicSection": lambda: response().stroboscopic(),
+    "Axial": lambda: fi.Axial(acceleration=9.81, spin=2.0, hub=0.1, tension=0.5, spin_plane="lag"),
     "Meeting": lambda: fi.Meeting("ab", ("a", "b"), 1e-3, LAW),
     "Stop": lambda: STRUCTURE.stops[0],
     "Structure": lambda: STRUCTURE,

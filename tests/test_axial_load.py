@@ -21,6 +21,7 @@ import femimpact as fi
 from femimpact.app.parametric.identity import plain_study
 from femimpact.app.study.study_file import read_study, study_text
 from femimpact.fem.axial import weight_shift
+from femimpact.fem.mesh import with_nodes
 from femimpact.units import in_si
 
 ROOT = Path(__file__).parents[1]
@@ -448,11 +449,11 @@ def test_an_orbit_of_a_hanging_beam_is_one_of_its_runs():
 
 def test_the_mesh_keeps_its_names_where_a_node_is_put():
     mesh = fi.fem.Mesh(np.linspace(0, 1, 5), points={"joint": 0.5}, regions={"a": [0, 1], "b": [2, 3]})
-    more = mesh.with_nodes([0.3, 0.3 + 1e-13, 0.5, 0.9, 1.0])
+    more = with_nodes(mesh, [0.3, 0.3 + 1e-13, 0.5, 0.9, 1.0])
     np.testing.assert_allclose(more.nodes, [0, 0.25, 0.3, 0.5, 0.75, 0.9, 1.0])
     assert more.points == mesh.points
     assert [more.regions[name].tolist() for name in "ab"] == [[0, 1, 2], [3, 4, 5]]
-    assert mesh.with_nodes([0.25]) is mesh
+    assert with_nodes(mesh, [0.25]) is mesh
     for a, b in itertools.pairwise(more.nodes):
         assert b > a
 

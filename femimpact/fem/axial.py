@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -25,10 +26,15 @@ def axial_forces(grid: Discretisation, load: Axial, lag: float) -> tuple[Array, 
 
     With lag in 1/s^2. About its centre a body feels no spin, so that its rotary inertia has no share.
     """
+
+    def acceleration_at(x: Any) -> Any:
+        """That of a mass at distances from the root (m), in m/s^2 and positive towards the tip."""
+        return load.acceleration + load.spin**2 * (load.hub + x)
+
     half, middle = 0.5 * np.diff(grid.mesh.nodes), 0.5 * (grid.mesh.nodes[1:] + grid.mesh.nodes[:-1])
     mass = half * grid.sections.mass_per_length * grid.sections.mass_polynomial
     pull = np.zeros((4, half.size))
-    pull[:3] = load.acceleration_at(middle) * mass
+    pull[:3] = acceleration_at(middle) * mass
     pull[1:] += load.spin**2 * half * mass
     # from the middle to x, and over the element
     inner = pull / np.arange(1.0, 5.0)[:, None]
@@ -37,7 +43,7 @@ def axial_forces(grid: Discretisation, load: Axial, lag: float) -> tuple[Array, 
     on_bodies = []
     for body in grid.structure.masses:
         place = grid.position_of(body.at, f"mass.{body.name}.at")
-        force = body.mass * load.acceleration_at(place + body.offset)
+        force = body.mass * acceleration_at(place + body.offset)
         # a body is on a node
         beyond[middle < place] += force
         on_bodies.append((-lag * body.mass, force * body.offset, body.offset))

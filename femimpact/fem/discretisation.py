@@ -27,7 +27,7 @@ from femimpact.errors import (
     require_type,
     suggestion,
 )
-from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh
+from femimpact.fem.mesh import SAME_PLACE, Mesh, uniform_mesh, with_nodes
 from femimpact.structure.beam import Beam, Segment
 from femimpact.structure.structure import SUPPORTS, Position, Structure, Support
 from femimpact.system.hermite import SectionFields, hermite_rows, shape_functions
@@ -192,7 +192,8 @@ def discretise(structure: Structure, elements: int | None = None, mesh: Mesh | N
     _check_length(structure.beam, mesh)
     if structure.axial is not None:
         # where the normal force jumps
-        mesh = mesh.with_nodes(_position(structure, mesh, body.at, f"mass.{body.name}.at") for body in structure.masses)
+        places = [_position(structure, mesh, body.at, f"mass.{body.name}.at") for body in structure.masses]
+        mesh = with_nodes(mesh, places)
     bodies: tuple[Any, ...] = (*structure.impactors, *structure.absorbers, *structure.stops, *structure.meetings)
     for item in bodies:
         key, allowed = f"{type(item).__name__.lower()}.{item.name}.name", "must not be the name of a point of the mesh"

@@ -144,17 +144,6 @@ class Mesh:
             regions = {name: np.add.outer(2 * members, [0, 1]).ravel() for name, members in regions.items()}
         return Mesh(nodes, self.points, regions)
 
-    def with_nodes(self, places: Iterable[float]) -> Mesh:
-        """The mesh with nodes at these places (m), too; points and regions keep their names."""
-        length = float(self.nodes[-1])
-        new = [x for x in places if np.abs(self.nodes - x).min() > SAME_PLACE * length]
-        if not new:
-            return self
-        nodes = np.array(_distinct([*self.nodes, *new], length))
-        owner = np.searchsorted(self.nodes, 0.5 * (nodes[1:] + nodes[:-1])) - 1
-        regions = {name: np.flatnonzero(np.isin(owner, members)) for name, members in self.regions.items()}
-        return Mesh(nodes, self.points, regions)
-
 
 def _ends_and_middle(root: float, tip: float) -> dict[str, float]:
     """The places (m) that every mesh names."""
@@ -170,6 +159,18 @@ def _distinct(positions: Iterable[float], length: float) -> list[float]:
     if length - places[-1] <= SAME_PLACE * length:
         places[-1] = length
     return places
+
+
+def with_nodes(mesh: Mesh, places: Iterable[float]) -> Mesh:
+    """The mesh with nodes at these places (m), too; points and regions keep their names."""
+    length = float(mesh.nodes[-1])
+    new = [x for x in places if np.abs(mesh.nodes - x).min() > SAME_PLACE * length]
+    if not new:
+        return mesh
+    nodes = np.array(_distinct([*mesh.nodes, *new], length))
+    owner = np.searchsorted(mesh.nodes, 0.5 * (nodes[1:] + nodes[:-1])) - 1
+    regions = {name: np.flatnonzero(np.isin(owner, members)) for name, members in mesh.regions.items()}
+    return Mesh(nodes, mesh.points, regions)
 
 
 def uniform_mesh(structure: Structure, elements: int) -> Mesh:

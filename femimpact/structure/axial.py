@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from femimpact.errors import LARGEST, check_fields, choice, quantity
 
@@ -42,7 +41,3 @@ class Axial:
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-    def acceleration_at(self, x: Any) -> Any:
-        """That of a mass at distances from the root (m), in m/s^2 and positive towards the tip."""
-        return self.acceleration + self.spin**2 * (self.hub + x)

@@ -11,7 +11,18 @@ from typing import Any
 from femimpact.arrays import Array, own
 from femimpact.contact.law import ContactLaw, require_law, resolve
 from femimpact.contact.laws import ContactParameters, NoWalls
-from femimpact.errors import changed, check_fields, choice, column, made, name_text, quantity, require, require_type
+from femimpact.errors import (
+    changed,
+    check_fields,
+    choice,
+    column,
+    made,
+    name_text,
+    quantity,
+    require,
+    require_type,
+    text,
+)
 from femimpact.structure.structure import (
     Absorber,
     Impactor,
@@ -70,7 +81,7 @@ class ContactPair:
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2"))
     fixed_to: str = field(default="base", metadata=choice("base", "space"))
     free_damping: float = field(default=0.0, metadata=quantity("N s/m", at_least=0.0))
-    between: tuple[str, ...] = ()
+    between: tuple[str, ...] = field(default=(), metadata=text(several=True))
 
     def __post_init__(self) -> None:
         check_fields(self)
