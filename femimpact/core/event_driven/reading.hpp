@@ -48,19 +48,6 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     return grid.start(c) + cycle_begin(grid.cycle(c) + 1, c, grid) * grid.interval(c);
 }
 
-// Adds a sample to the sums over the cycle that goes on, to which it belongs.
-[[gnu::always_inline]] inline void add_to_cycle(Index sample, double time, double w, Complex phase, Index c,
-                                                const Space &space, const Grid &grid) {
-    Index number = grid.cycle(c);
-    Array row = grid.cycles.row(c, number);
-    space.samples(sample - Index(__builtin_floor(cycle_begin(number, c, grid))) - 1) = w;
-    include(w, time, row);
-    row(2) += w * w;
-    row(3) += w * phase.imag;
-    row(4) += w * phase.real;
-    row(5) += 1.0;
-}
-
 // Keeps the motion of all coordinates at one sample, with the forces of compliant contacts.
 [[gnu::noinline]] inline void keep_snapshot(Index number, const Shapes &shapes, const Pairs &pairs, const Case &c,
                                             const Space &space, const Snapshots &snapshots) {
