@@ -105,10 +105,14 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         moving = moving || (is_active(c.state(j)) && pairs.in_space(j) != 0.0);
         braked = braked || b.free_damping(j) > 0.0;
     }
-    bool compliant = any_compliant(c, pairs);
-    read_coordinates(form.shapes, motion, s.after);
+    bool compliant = any_compliant(c, pairs), read = compliant;
+    for (Index i = 0; i < b.mass.size(); i++)
+        read = read || b.given(i) != 0.0;
+    if (read)
+        read_coordinates(form.shapes, motion, s.after);
     if (duration > 0.0) {
-        read_coordinates(form.shapes, mark, s.before);
+        if (read)
+            read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
         if (needs_points(form, b) || has_blocks(scalars) || scalars.slow > 0 || moving ||

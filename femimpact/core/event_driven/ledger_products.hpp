@@ -151,7 +151,7 @@ template <class Along>
 
 // Work of constant forces on a coordinate, which stands beside that of several drives.
 [[gnu::always_inline]] inline double add_work_of_constant(Index i, const Case &c, const Products &s, const Ledger &b) {
-    double work = b.given(i) * (s.after(0, i) - s.before(0, i));
+    double work = b.given(i) != 0.0 ? b.given(i) * (s.after(0, i) - s.before(0, i)) : 0.0;
     if (b.drive_load.shape[0] > 0)
         b.work_of(c.number, b.drive_load.shape[0]) += work;
     return work;

@@ -12,10 +12,13 @@ constexpr double LONGEST_OF_SLOW = 0.5;
 // Events at one instant beyond which the motion is called unresolved.
 constexpr Index EVENTS_AT_ONCE = 200;
 
-// Those by which a search looks ahead, and from sample to sample.
+// Those of a closed form by which a search looks ahead, from sample to sample, and by parts of that.
 struct AllSteps {
-    Steps search, reading;
+    Steps search, reading, parts;
 };
+
+// Forms of which these are kept.
+constexpr Index FORMS_AT_HAND = 4;
 
 // Takes the coordinates of a case into the closed form of its contact states.
 [[gnu::noinline]] inline Index enter(const Case &c, const Job &job, const Ledger *b) {
@@ -55,14 +58,14 @@ struct Samples {
 
 // Adds samples to the statistics of the cycles that they belong to.
 [[gnu::always_inline]] inline void add_to_cycles(const Samples &read, const Scalars &scalars, const Case &c,
-                                                 const Job &job) {
+                                                 const Job &job, const Steps *parts) {
     const Grid &grid = job.grid;
     const Index measured = grid.cycles.shape[1];
     Index n = smaller(larger(grid.origin(c.number) + 1 - read.first, Index(0)), read.count);
     while (n < read.count && grid.cycle(c.number) < measured) {
         const double end = cycle_end(c.number, grid);
         if (end < read.time[n]) {
-            end_cycle(c.number, end, read.first + n - 1, scalars, job.space, grid);
+            end_cycle(c.number, end, read.first + n - 1, scalars, job.space, grid, parts);
             continue;
         }
         const Index number = grid.cycle(c.number), from = Index(__builtin_floor(cycle_begin(number, c.number, grid)));
@@ -82,7 +85,7 @@ struct Samples {
         row(4) = of_cosine;
         row(5) = samples;
         if (read.time[n - 1] == end) {
-            add_peaks(c.number, end, read.observed[n - 1], read.first + n - 1, scalars, job.space, grid);
+            add_peaks(c.number, end, read.observed[n - 1], read.first + n - 1, scalars, job.space, grid, parts);
             grid.cycle(c.number) += 1;
         }
     }
@@ -101,6 +104,7 @@ template <class Go>
     if (energies) {
         add_to_ledger(form, job.pairs, c, job.space, *b);
         Array row = grid.energy.row(c.number, grid.kept(i));
+        read_coordinates(form.shapes, job.space.motion, job.space.products.after);
         write_energy(job.pairs, c, job.space.motion, job.space.products.after, *b, row);
         for (Index d = 0; grid.work_of.shape[1] > 0 && d < grid.work_of.shape[2]; d++)
             grid.work_of(c.number, grid.kept(i), d) = b->work_of(c.number, d);
@@ -113,10 +117,11 @@ template <class Go>
 //
 // What falls on an event is read after it. Where a motion can be looked at ahead, eight samples are read at a time.
 [[gnu::noinline]] inline void read_samples(Index begin, double until, bool event, const Form &form, const Case &c,
-                                           const Job &job, const Ledger *b, Steps &steps) {
+                                           const Job &job, const Ledger *b, AllSteps &all_steps) {
     const Grid &grid = job.grid;
     const Scalars &scalars = form.scalars;
     const Motion &motion = job.space.motion, &anchor = job.space.anchor;
+    Steps &steps = all_steps.reading;
     ComplexArray growth = job.space.turn;
     const double start = grid.start(c.number), dt = grid.interval(c.number);
     const Index events = scalars.lasting.size(), outputs = grid.values.shape[2];
@@ -181,7 +186,7 @@ template <class Go>
             };
             keep_sample(read.first + n - begin - 1, go, form, c, job, b);
         }
-        add_to_cycles(read, scalars, c, job);
+        add_to_cycles(read, scalars, c, job, ahead ? &all_steps.parts : nullptr);
         read.first += read.count;
         job.cases.sample(c.number) = read.first - 1;
     }
@@ -194,6 +199,7 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
     const Space &space = job.space;
     const Scalars &scalars = form.scalars;
     const Motion &motion = space.motion, &trial = space.trial;
+    const Grid &grid = job.grid;
     Index next = cases.piece(c.number) + 1;
     double knot = scalars.degree >= 0 && next < cases.knots.size() ? cases.knots(next) : INFINITE;
     // within a long piece as far as series of driven entries serve
@@ -202,10 +208,14 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
         end = smaller(end, motion.clock(0) + cases.longest);
     if (scalars.slow > 0)
         end = smaller(end, motion.clock(0) + LONGEST_OF_SLOW);
-    copy_motion(motion, space.mark);
+    if (b)
+        copy_motion(motion, space.mark);
     copy_motion(motion, trial);
-    Index status =
-        next_event(scalars, trial, end, space.search, form.number, may_step(scalars) ? &steps.search : nullptr);
+    const bool ahead = may_step(scalars);
+    if (ahead && grid.cycle(c.number) < grid.cycles.shape[1])
+        set_steps(form.number, grid.interval(c.number) / PARTS, scalars, steps.parts);
+    const Steps *parts = ahead ? &steps.parts : nullptr;
+    Index status = next_event(scalars, trial, end, space.search, form.number, ahead ? &steps.search : nullptr);
     double reached = trial.clock(0);
     if (reached > motion.clock(0)) {
         cases.events(c.number, 1) = 0;
@@ -214,15 +224,14 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
                 add_contact(j, reached, job.grid.interval(c.number), scalars, c, space);
     }
     copy_motion(motion, space.begin);
-    read_samples(begin, reached, status != END, form, c, job, b, steps.reading);
+    read_samples(begin, reached, status != END, form, c, job, b, steps);
     // the samples first: where they exclude a peak none is looked for
-    const Grid &grid = job.grid;
     if (grid.cycle(c.number) < grid.cycles.shape[1] && cycle_end(c.number, grid) < reached)
-        end_cycle(c.number, cycle_end(c.number, grid), cases.sample(c.number), scalars, space, grid);
+        end_cycle(c.number, cycle_end(c.number, grid), cases.sample(c.number), scalars, space, grid, parts);
     if (grid.cycle(c.number) < grid.cycles.shape[1]) {
         Complex phase = unit_phase(scalars.omega, trial.clock);
         double last = value_now(scalars.lasting.size(), scalars.exponent.size(), phase, scalars, trial);
-        add_peaks(c.number, reached, last, cases.sample(c.number), scalars, space, grid);
+        add_peaks(c.number, reached, last, cases.sample(c.number), scalars, space, grid, parts);
     }
     copy_motion(trial, motion);
     if (b && (b->everywhere || any_compliant(c, job.pairs)))
@@ -236,7 +245,7 @@ inline Index to_next_event(Index begin, double until, const Form &form, const Ca
 
 // Takes one case to a time, or to where it stops.
 inline Index run_case(Index begin, double until, double most, const Case &c, const Job &job, const Ledger *b) {
-    AllSteps steps;
+    AllSteps steps[FORMS_AT_HAND];
     const Cases &cases = job.cases;
     const Space &space = job.space;
     const Search &search = space.search;
@@ -258,7 +267,7 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
         double hit = cases.hit(c.number), side = hit > 0.0 ? 1.0 : -1.0, before = FREE;
         Index effect = STAY, pair = Index(magnitude(hit)) - 1, impacts = job.tables.number(0);
         if (hit == 0.0) {
-            Index status = to_next_event(begin, until, form, c, job, b, steps);
+            Index status = to_next_event(begin, until, form, c, job, b, steps[form.number % FORMS_AT_HAND]);
             if (status == END) {
                 if (space.motion.clock(0) >= until)
                     return DONE;
@@ -290,7 +299,8 @@ inline Index run_case(Index begin, double until, double most, const Case &c, con
             write_event(pair, side, before, impacts, form, job.pairs, c, space, job.tables);
         }
         if (effect == STAY)
-            walls = true;
+            // a rigid impact leaves walls as they are
+            walls = before != c.state(pair);
         else {
             read_coordinates(form.shapes, space.motion, c.coordinates);
             cases.entering(c.number) = ENTERING;
