@@ -194,7 +194,7 @@ constexpr Index STEPS_TO_MEETING = 8;
 }
 
 // Steps in a cycle of the drive by which a search looks ahead, and those that an advance must span before it does.
-constexpr double STEPS_IN_CYCLE = 48.0, WORTH_STEPS = 0.25;
+constexpr double STEPS_IN_CYCLE = 32.0, WORTH_STEPS = 0.25;
 
 // Moves to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`.
 //
