@@ -126,6 +126,7 @@ template <class Go>
     const double start = grid.start(c.number), dt = grid.interval(c.number);
     const Index events = scalars.lasting.size(), outputs = grid.values.shape[2];
     const bool ahead = may_step(scalars), alone = !has_blocks(scalars);
+    const bool kept = grid.energy.shape[1] > 0 || job.snapshots.shown.size() > 0;
     Index active = 0;
     Samples read;
     read.first = job.cases.sample(c.number) + 1;
@@ -159,6 +160,7 @@ template <class Go>
             move_rigid_bodies(scalars, motion, read.time[0] - motion.clock(0));
         }
         motion.clock(0) = anchor.clock(0) = read.time[0];
+        const bool measured = read.first + read.count > grid.origin(c.number) + 1;
         const Complex phase = unit_phase(scalars.omega, motion.clock);
         if (ahead) {
             store(steps.turn.times(phase), {read.cosine, {WIDTH}}, 0);
@@ -168,7 +170,7 @@ template <class Go>
             read.sine[0] = phase.imag;
         }
         // the first output last, which stays
-        for (Index o = outputs - 1; o >= 0; o--) {
+        for (Index o = measured || grid.values.shape[1] > 0 ? outputs - 1 : -1; o >= 0; o--) {
             if (ahead)
                 store(values_ahead(events + o, active, phase, scalars, anchor, steps), {read.observed, {WIDTH}}, 0);
             else
@@ -176,7 +178,7 @@ template <class Go>
             for (Index n = 0, i = read.first - begin - 1; n < read.count && i + n < grid.values.shape[1]; n++)
                 grid.values(c.number, i + n, o) = read.observed[n];
         }
-        for (Index n = 0; n < read.count; n++) {
+        for (Index n = 0; kept && n < read.count; n++) {
             auto go = [&] {
                 if (!ahead)
                     return;
