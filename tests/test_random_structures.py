@@ -25,7 +25,13 @@ RESTING = range(-16, 0)
 
 SEEDS = (*MIXED, *RESTING)
 
-UNUSUAL = ("the base moves by up to", "where no mode is kept", "the record is coarse", "begins in motion")
+UNUSUAL = (
+    "the law is made for the first mode's mass",
+    "the base moves by up to",
+    "where no mode is kept",
+    "the record is coarse",
+    "begins in motion",
+)
 """Of records that drift further than half the beam's length, have few samples in a period or move from the first one
 on, and of one mode that is driven far above itself: allowed, and warned of."""
 
