@@ -16,9 +16,8 @@
 
 namespace FEMIMPACT_TARGET {
 
-// Items of `Search.found`, for scalar r: its value and rate, their rounding, a time (s), and a bound on the second
-// derivative for the time that remains; see `clear_time`.
-enum : Index { VALUE, SLOPE, VALUE_ROUNDING, SLOPE_ROUNDING, FARTHER_TIME, LARGEST_BEND };
+// Items of `Search.found`, for scalar r: its value and rate, their rounding, and a time (s); see `clear_time`.
+enum : Index { VALUE, SLOPE, VALUE_ROUNDING, SLOPE_ROUNDING, FARTHER_TIME };
 
 // Or its second and third derivative, and bounds on the second to fourth; see `derivatives`.
 enum : Index { SECOND, THIRD, SECOND_SIZE, THIRD_SIZE, FOURTH_SIZE };
@@ -173,8 +172,8 @@ constexpr double STICKS = 2.0;
 
 // Time in which scalar r surely meets neither bound.
 //
-// `search` is as `measure` leaves it, with nothing but zeros from entry `active` on; its `found` gets what its
-// items VALUE to LARGEST_BEND say, of FARTHER_TIME the time in which the farther bound is surely not met.
+// `search` is as `measure` leaves it, with nothing but zeros from entry `active` on; its `found` gets value, rate, the
+// rounding of both, and the time in which the farther bound is surely not met.
 [[gnu::noinline]] inline double clear_time(Index r, const Scalars &scalars, const Motion &motion, Index active,
                                            Complex phase, double remaining, const Search &search) {
     Array size = search.size, found = search.found, d = motion.drive;
@@ -258,7 +257,6 @@ constexpr double STICKS = 2.0;
         up = first_meeting(0.0, rate, bend + pull + twist);
     if (down == 0.0 && rate > 0.0)
         down = first_meeting(0.0, -rate, bend - pull + twist);
-    found(LARGEST_BEND) = bend + magnitude(pull) + twist;
     found(FARTHER_TIME) = upper - value < value - lower ? down : up;
     return smaller(up, down);
 }

@@ -21,14 +21,14 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
 // What its drive does on a rigid-body coordinate of unit mass: all that its kinetic energy gains.
 //
 // The work of constant forces is in that of the coordinates already.
-[[gnu::always_inline]] inline double work_on_rigid_body(Index p, Complex phase, const Form &form, const Motion &mark,
+[[gnu::always_inline]] inline double work_on_rigid_body(Index p, const Form &form, const Motion &mark,
                                                         const Motion &motion) {
     const Scalars &scalars = form.scalars;
     double before = mark.rigid_body_rate(p), after = motion.rigid_body_rate(p);
     double increment = motion.rigid_body(p) - mark.rigid_body(p);
     if (scalars.degree < 0) {
         Complex turned = form.rigid_body_sine(p);
-        Complex was = turned * phase;
+        Complex was = turned * unit_phase(scalars.omega, mark.clock);
         Complex now = turned * unit_phase(scalars.omega, motion.clock);
         before -= scalars.omega * was.imag;
         after -= scalars.omega * now.imag;
@@ -105,14 +105,10 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
         moving = moving || (is_active(c.state(j)) && pairs.in_space(j) != 0.0);
         braked = braked || b.free_damping(j) > 0.0;
     }
-    bool compliant = any_compliant(c, pairs), read = compliant;
-    for (Index i = 0; i < b.mass.size(); i++)
-        read = read || b.given(i) != 0.0;
-    if (read)
-        read_coordinates(form.shapes, motion, s.after);
+    bool compliant = any_compliant(c, pairs);
+    read_coordinates(form.shapes, motion, s.after);
     if (duration > 0.0) {
-        if (read)
-            read_coordinates(form.shapes, mark, s.before);
+        read_coordinates(form.shapes, mark, s.before);
         if (compliant)
             b.contact_loss(c.number) += add_separating(pairs, c, space);
         if (needs_points(form, b) || has_blocks(scalars) || scalars.slow > 0 || moving ||
@@ -123,15 +119,14 @@ constexpr double PLACES = 16.0 * 2.220446049250313e-16;
             bool polynomial = scalars.degree > 1;
             Index terms = scalars.exponent.size() + (polynomial ? 0 : scalars.degree >= 0 ? 2 : 1);
             integrate_terms(scalars, form.together, duration, terms, s);
-            const Complex phase = unit_phase(scalars.omega, mark.clock);
-            set_strengths(terms, phase, form, b.mass.size(), space);
+            set_strengths(terms, form, b.mass.size(), space);
             if (b.everywhere) {
                 if (polynomial)
                     sum_polynomials(terms, duration, form, c, space, b);
                 else
-                    sum_products(terms, phase, duration, form, c, space, b);
+                    sum_products(terms, duration, form, c, space, b);
                 for (Index p = 0; p < form.shapes.rigid_bodies; p++)
-                    add_work_of_base(work_on_rigid_body(p, phase, form, mark, motion), c, b);
+                    add_work_of_base(work_on_rigid_body(p, form, mark, motion), c, b);
                 for (Index j = 0; j < c.state.size(); j++)
                     if (b.free_damping(j) > 0.0)
                         b.contact_loss(c.number) += b.free_damping(j) * square_of_rate(j, terms, pairs, s);

@@ -13,14 +13,14 @@ namespace FEMIMPACT_TARGET {
 
 // Integral of e^{mu s} over the duration, growth being e^{mu duration}; a series where mu is small.
 [[gnu::always_inline]] inline Complex integral_of(Complex exponent, Complex growth, double duration) {
-    double square = exponent.real * exponent.real + exponent.imag * exponent.imag;
-    if (square * (duration * duration) < 1e-4) {
-        Complex z = exponent * duration, series = 1.0 + z / 7.0;
+    Complex z = exponent * duration;
+    if (z.real * z.real + z.imag * z.imag < 1e-4) {
+        Complex series = 1.0 + z / 7.0;
         for (Index n = 6; n >= 2; n--)
             series = 1.0 + z / double(n) * series;
         return duration * series;
     }
-    return (growth - 1.0) * conjugate(exponent) / square;
+    return (growth - 1.0) / exponent;
 }
 
 // Integral of s e^{mu s} over the duration.
@@ -86,12 +86,12 @@ inline double square_of(GivenComplexArray a, const ComplexMatrix &plus, const Co
 }
 
 // Sets the strengths of the terms of every coordinate's velocity.
-[[gnu::noinline]] inline void set_strengths(Index terms, Complex phase, const Form &form, Index coordinates,
-                                            const Space &space) {
+[[gnu::noinline]] inline void set_strengths(Index terms, const Form &form, Index coordinates, const Space &space) {
     const Scalars &scalars = form.scalars;
     const Shapes &shapes = form.shapes;
     const Motion &mark = space.mark;
     Index entries = scalars.exponent.size();
+    Complex phase = unit_phase(scalars.omega, mark.clock);
     for (Index i = 0; i < coordinates; i++) {
         ComplexArray strength = space.products.strength.row(i);
         for (Index k = 0; k < terms; k++)
@@ -151,20 +151,21 @@ template <class Along>
 
 // Work of constant forces on a coordinate, which stands beside that of several drives.
 [[gnu::always_inline]] inline double add_work_of_constant(Index i, const Case &c, const Products &s, const Ledger &b) {
-    double work = b.given(i) != 0.0 ? b.given(i) * (s.after(0, i) - s.before(0, i)) : 0.0;
+    double work = b.given(i) * (s.after(0, i) - s.before(0, i));
     if (b.drive_load.shape[0] > 0)
         b.work_of(c.number, b.drive_load.shape[0]) += work;
     return work;
 }
 
 // Adds the work on what the entries move, and the loss of every mode.
-[[gnu::noinline]] inline void sum_products(Index terms, Complex phase, double duration, const Form &form, const Case &c,
+[[gnu::noinline]] inline void sum_products(Index terms, double duration, const Form &form, const Case &c,
                                            const Space &space, const Ledger &b) {
     const Scalars &scalars = form.scalars;
     const Products &s = space.products;
     Index entries = scalars.exponent.size();
     Array drive = space.mark.drive;
     // s(t) = amplitude sin(theta) = Re(-i amplitude e^{i theta}), or s + s' t
+    Complex phase = unit_phase(scalars.omega, space.mark.clock);
     Complex wave = Complex{0.0, -c.amplitude(0).real} * phase;
     double work = 0.0;
     for (Index i = 0; i < b.mass.size(); i++) {

@@ -86,11 +86,10 @@ struct Search {
     ARRAY(leaving, "2R", Array); // side of a bound just left, or at which another bound was met at rest; else 0
     ARRAY(at_wall, "2R", Array); // side of the wall touched at this instant, else 0
     ARRAY(rate, "2R", Array);
-    ARRAY(found, "6", Array);           // scratch
+    ARRAY(found, "5", Array);           // scratch
     ARRAY(size, "K", Array);            // |H|; see `measure`
     ARRAY(drift, "2 K", Matrix);        // of driven entries: |H''|, and how far H'' changes; see `measure`
     ARRAY(power, "3 K", ComplexMatrix); // H', H'' of driven entries, and scratch
-    ARRAY(margin, "2R", Array);         // see `margin_between`
     ARRAY(event, "2", Array);           // scalar, side
     ARRAY(negligible, "1", Array);      // m/s, see `negligible_approach`
     FIELDS_END;
@@ -344,7 +343,6 @@ struct Space {
     GROUP(trial, Motion);
     GROUP(mark, Motion);       // up to where the ledger is written
     GROUP(scratch, Motion);    // advanced to read the motion at other instants
-    GROUP(anchor, Motion);     // from which eight samples are read
     GROUP(peak_trial, Motion); // the same, to an estimate of a peak, or to the end of a cycle
     GROUP(search, Search);
     GROUP(bounds, Bounds);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "../contact/formulas.hpp"
-#include "ahead.hpp"
 #include "states.hpp"
 
 namespace FEMIMPACT_TARGET {
@@ -47,6 +46,19 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
 // When (s) the cycle ends that goes on.
 [[gnu::always_inline]] inline double cycle_end(Index c, const Grid &grid) {
     return grid.start(c) + cycle_begin(grid.cycle(c) + 1, c, grid) * grid.interval(c);
+}
+
+// Adds a sample to the sums over the cycle that goes on, to which it belongs.
+[[gnu::always_inline]] inline void add_to_cycle(Index sample, double time, double w, Complex phase, Index c,
+                                                const Space &space, const Grid &grid) {
+    Index number = grid.cycle(c);
+    Array row = grid.cycles.row(c, number);
+    space.samples(sample - Index(__builtin_floor(cycle_begin(number, c, grid))) - 1) = w;
+    include(w, time, row);
+    row(2) += w * w;
+    row(3) += w * phase.imag;
+    row(4) += w * phase.real;
+    row(5) += 1.0;
 }
 
 // Keeps the motion of all coordinates at one sample, with the forces of compliant contacts.
@@ -207,60 +219,12 @@ constexpr Index MAXIMUM_TIME = 6, MINIMUM_TIME = 7;
     scalars.lower(r) = lower;
 }
 
-// Parts of the time between two samples at which w is looked at before a peak is looked for, and most of them.
-constexpr double PARTS = 8.0;
-constexpr Index MOST_PARTS = 64;
-
-// The same of w between two instants of the present closed form, with a look at parts of the time first: beside most of
-// them a peak is excluded.
-[[gnu::noinline]] inline void follow_parts(double start, double until, double least, const Scalars &scalars,
-                                           const Space &space, const Steps &parts, Array row) {
-    const Motion &motion = space.scratch;
-    const Index r = scalars.lasting.size(), entries = scalars.size.size();
-    const Index count = Index((until - start) / parts.step) + 1;
-    auto follow = [&](double from, double to) {
-        copy_motion(space.begin, motion);
-        follow_peak(r, 0.0, from, to, least, scalars, space, row);
-    };
-    if (count > MOST_PARTS) {
-        follow(start, until);
-        return;
-    }
-    copy_motion(space.begin, motion);
-    move(scalars, motion, start - motion.clock(0));
-    measure(scalars, motion, until - start, space.search);
-    double excess = excess_between(r, parts.step, until - start, scalars, motion, space.search);
-    excess -= PEAK_TOLERANCE * larger(magnitude(row(0)), magnitude(row(1))) +
-              negligible_motion(r, scalars, motion, space.search);
-    double w[MOST_PARTS + WIDTH];
-    for (Index n = 0; n <= count; n += WIDTH) {
-        if (n > 0)
-            take_steps(WIDTH, scalars, motion, parts);
-        Complex phase = unit_phase(scalars.omega, motion.clock);
-        store(values_ahead(r, entries, phase, scalars, motion, parts), {w + n, {WIDTH}}, 0);
-    }
-    for (Index n = 0; n < count; n++)
-        include(w[n], start + double(n) * parts.step, row);
-    double from = INFINITE;
-    for (Index n = 0; n < count; n++) {
-        double time = start + double(n) * parts.step;
-        if (larger(w[n], w[n + 1]) + excess > row(0) || smaller(w[n], w[n + 1]) - excess < row(1))
-            from = smaller(from, time);
-        else if (from < time) {
-            follow(from, time);
-            from = INFINITE;
-        }
-    }
-    if (from < until)
-        follow(from, until);
-}
-
 // Extends the extremes of the cycle that goes on from where the closed form began up to an instant in it.
 //
 // `last` is w at that instant, and `read` the number of the last sample before it. Only between samples where more than
-// the extremes is not excluded by what w may do there, is a peak looked for; `parts`, if there are any, help.
+// the extremes is not excluded by what w may do there, is a peak looked for.
 [[gnu::noinline]] inline void add_peaks(Index c, double until, double last, Index read, const Scalars &scalars,
-                                        const Space &space, const Grid &grid, const Steps *parts) {
+                                        const Space &space, const Grid &grid) {
     Index number = grid.cycle(c);
     double interval = grid.interval(c), begun = cycle_begin(number, c, grid);
     Index first = Index(__builtin_floor(begun));
@@ -285,12 +249,6 @@ constexpr Index MOST_PARTS = 64;
                    negligible_motion(r, scalars, motion, space.search);
     double excess = excess_between(r, interval, until - time, scalars, motion, space.search) - slack;
     Index place = Index((time - (grid.start(c) + double(first) * interval)) / interval) + 1;
-    auto follow = [&](double from, double to) {
-        if (parts)
-            follow_parts(from, to, least, scalars, space, *parts, row);
-        else
-            follow_peak(r, 0.0, from, to, least, scalars, space, row);
-    };
     double start = INFINITE;
     while (time < until) {
         double at = grid.start(c) + double(first + place) * interval, value = last;
@@ -302,26 +260,26 @@ constexpr Index MOST_PARTS = 64;
         if (larger(before, value) + excess > row(0) || smaller(before, value) - excess < row(1))
             start = smaller(start, time);
         else if (start < time) {
-            follow(start, time);
+            follow_peak(r, 0.0, start, time, least, scalars, space, row);
             start = INFINITE;
         }
         time = at;
         before = value;
     }
     if (start < until)
-        follow(start, until);
+        follow_peak(r, 0.0, start, until, least, scalars, space, row);
 }
 
 // Ends the cycle that goes on at a time between two samples, `read` being the number of the first of them.
 [[gnu::noinline]] inline void end_cycle(Index c, double end, Index read, const Scalars &scalars, const Space &space,
-                                        const Grid &grid, const Steps *parts) {
+                                        const Grid &grid) {
     const Motion &motion = space.peak_trial;
     copy_motion(space.begin, motion);
     move(scalars, motion, end - motion.clock(0));
     motion.clock(0) = end;
     Complex phase = unit_phase(scalars.omega, motion.clock);
     double last = value_now(scalars.lasting.size(), scalars.exponent.size(), phase, scalars, motion);
-    add_peaks(c, end, last, read, scalars, space, grid, parts);
+    add_peaks(c, end, last, read, scalars, space, grid);
     grid.cycle(c) += 1;
 }
 

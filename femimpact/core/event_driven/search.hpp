@@ -1,7 +1,7 @@
 // The next event: the first watched scalar that meets its bound, whatever it stands for.
 #pragma once
 
-#include "ahead.hpp"
+#include "bounds.hpp"
 
 namespace FEMIMPACT_TARGET {
 
@@ -59,83 +59,12 @@ constexpr double PI = 3.141592653589793;
     return time;
 }
 
-// A scalar that approaches its bound at speed, and meets it for the first time before a time (s).
-struct Approach {
-    Index scalar = -1; // -1 for none
-    double side, clearance, speed, rounding, rate_rounding, latest;
-};
-
-// When (s) and how fast (m/s) a scalar meets its bound.
-struct Meeting {
-    double time, speed;
-};
-
-// The approach of scalar r, of which `clear_time` has found that it meets no bound before.
-//
-// Of a bend that is bounded, x(s) >= x + x' s - bend s^2/2: as far as this rises x does, and meets its bound once.
-[[gnu::always_inline]] inline Approach approach_of(Index r, const Scalars &scalars, const Search &search) {
-    Array found = search.found;
-    double over = scalars.upper(r) - found(VALUE), under = found(VALUE) - scalars.lower(r);
-    double side = over < under ? 1.0 : -1.0, clearance = smaller(over, under), speed = side * found(SLOPE);
-    double root = speed * speed - 2.0 * found(LARGEST_BEND) * clearance;
-    if (speed <= 0.0 || !(root > 0.0))
-        return {};
-    double latest = 2.0 * clearance / (speed + __builtin_sqrt(root));
-    return {r, side, clearance, speed, found(VALUE_ROUNDING), found(SLOPE_ROUNDING), latest};
-}
-
-constexpr Index STEPS_TO_MEETING = 8;
-
-// Where an approach has met its bound to rounding; a time of 0 where that is not found.
-//
-// By Chebyshev's iteration, whose error is of the third order.
-[[gnu::noinline]] inline Meeting meeting_of(const Approach &approach, Index active, const Scalars &scalars,
-                                            const Motion &motion) {
-    const Index r = approach.scalar;
-    const double side = approach.side, omega = scalars.omega;
-    const double bound = side > 0.0 ? scalars.upper(r) : scalars.lower(r);
-    double time = approach.clearance / approach.speed;
-    for (Index step = 0; step < STEPS_TO_MEETING; step++) {
-        exponentials(scalars.exponent.first(active), time, scalars.growth);
-        auto [cosine, sine] = cosine_and_sine(omega * (motion.clock(0) + time) + motion.clock(1));
-        Complex turned = scalars.sine(r) * Complex{cosine, sine};
-        double value = scalars.constant(r) + turned.real, rate = -omega * turned.imag;
-        double bend = -(omega * omega) * turned.real;
-        for (Index i = 0; i < scalars.rigid_body_given.size(); i++) {
-            double p = scalars.rigid_body_weight(r, i), q = scalars.rigid_body_rate_weight(r, i);
-            double push = scalars.rigid_body_given(i), y = motion.rigid_body(i), v = motion.rigid_body_rate(i);
-            value += p * (y + time * (v + 0.5 * time * push)) + q * (v + time * push);
-            rate += p * (v + time * push) + q * push;
-            bend += p * push;
-        }
-        for (Index k = 0; k < active; k++) {
-            Complex h = motion.entry(k) * scalars.growth(k) * scalars.weight(r, k), once = scalars.exponent(k) * h;
-            value += h.real;
-            rate += once.real;
-            bend += (scalars.exponent(k) * once).real;
-        }
-        double missing = side * (bound - value), speed = side * rate;
-        // it rises all the way, but for rounding
-        if (!(speed > approach.rate_rounding))
-            break;
-        if (magnitude(missing) <= 0.25 * approach.rounding)
-            return {time, speed};
-        double change = missing / speed;
-        change *= 1.0 - 0.5 * side * bend * change / speed;
-        time = smaller(larger(time + change, 0.0), approach.latest);
-    }
-    return {0.0, 0.0};
-}
-
 // Time (s) in which scalar r crosses no bound; `at_wall` gets the side of the bound that it is at now, else 0.
 //
-// 0 where it is at a bound and approaches it at speed, -1 where it presses on one at rest. Where it is `enough` no
-// longer time is looked for.
+// 0 where it is at a bound and approaches it at speed, -1 where it presses on one at rest.
 [[gnu::always_inline]] inline double safe_advance(Index r, const Scalars &scalars, const Motion &motion, Index active,
-                                                  Complex phase, double remaining, double enough, const Search &search,
-                                                  Approach &approach) {
+                                                  Complex phase, double remaining, const Search &search) {
     Array found = search.found;
-    approach.scalar = -1;
     double safe = clear_time(r, scalars, motion, active, phase, remaining, search);
     double value = found(VALUE), rate = found(SLOPE), rounding = found(VALUE_ROUNDING),
            rate_rounding = found(SLOPE_ROUNDING);
@@ -153,11 +82,8 @@ constexpr Index STEPS_TO_MEETING = 8;
         return 0.0;
     if (search.at_wall(r) == 0.0) {
         search.leaving(r) = 0.0;
-        if (2.0 * magnitude(rate) * safe > clearance || safe >= remaining) {
-            if (enough < INFINITE)
-                approach = approach_of(r, scalars, search);
+        if (2.0 * magnitude(rate) * safe > clearance || safe >= remaining)
             return safe;
-        }
     } else if (search.leaving(r) != side) {
         if (toward > rate_rounding)
             return 0.0;
@@ -166,8 +92,6 @@ constexpr Index STEPS_TO_MEETING = 8;
         if (toward > larger(SETTLED * rate_rounding, is_gap ? search.negligible(0) : 0.0))
             return 0.0;
     }
-    if (safe >= enough && (search.at_wall(r) == 0.0 || toward < -rate_rounding))
-        return safe;
     // it creeps along its wall, where the bound by a parabola is far too low
     derivatives(r, scalars, motion, phase, remaining, search);
     double bend = side * found(SECOND), twist = side * found(THIRD);
@@ -193,15 +117,9 @@ constexpr Index STEPS_TO_MEETING = 8;
     return creep > safe ? creep : safe;
 }
 
-// Steps in a cycle of the drive by which a search looks ahead, and those that an advance must span before it does.
-constexpr double STEPS_IN_CYCLE = 32.0, WORTH_STEPS = 0.25;
-
 // Moves to the first event or to `until`: END, HIT, REST or RELEASE, the pair and side in `event`.
-//
-// Far from all bounds it goes on by `steps`, if there are any.
 [[gnu::noinline]] inline Index next_event(const Scalars &scalars, const Motion &motion, double until,
-                                          const Search &search, Index form = -1, Steps *steps = nullptr) {
-    const double step = steps ? 2.0 * PI / (STEPS_IN_CYCLE * scalars.omega) : INFINITE, enough = WORTH_STEPS * step;
+                                          const Search &search) {
     Index standing = 0;
     for (Index advance = 0; advance < MOST_ADVANCES && standing < MOST_STANDING; advance++) {
         Complex phase = unit_phase(scalars.omega, motion.clock);
@@ -219,15 +137,12 @@ constexpr double STEPS_IN_CYCLE = 32.0, WORTH_STEPS = 0.25;
             } else if (search.size(k) > 0.0)
                 active = k + 1;
         }
-        double safe = remaining, others = remaining;
-        Approach approach, nearest;
+        double safe = remaining;
         for (Index r = 0; r < scalars.lasting.size(); r++) {
             if (scalars.upper(r) == INFINITE && scalars.lower(r) == -INFINITE)
                 continue;
-            double advanced = safe_advance(r, scalars, motion, active, phase, remaining, enough, search, approach);
+            double advanced = safe_advance(r, scalars, motion, active, phase, remaining, search);
             if (advanced > 0.0) {
-                others = smaller(others, larger(safe, advanced));
-                nearest = advanced < safe ? approach : nearest;
                 safe = smaller(safe, advanced);
                 continue;
             }
@@ -243,22 +158,7 @@ constexpr double STEPS_IN_CYCLE = 32.0, WORTH_STEPS = 0.25;
             return END;
         }
         standing = motion.clock(0) + safe == motion.clock(0) ? standing + 1 : 0;
-        if (nearest.scalar >= 0 && nearest.latest < others) {
-            auto [time, speed] = meeting_of(nearest, active, scalars, motion);
-            if (time > 0.0) {
-                const Index r = nearest.scalar;
-                move(scalars, motion, time);
-                search.rate(r) = nearest.side * speed;
-                search.event(0) = double(r);
-                search.event(1) = search.at_wall(r) = nearest.side;
-                return scalars.lasting(r) != 0.0 ? RELEASE : HIT;
-            }
-        }
         move(scalars, motion, safe);
-        if (safe >= enough) {
-            set_steps(form, step, scalars, *steps);
-            step_ahead(scalars, motion, active, until, search, *steps);
-        }
     }
     return STUCK;
 }

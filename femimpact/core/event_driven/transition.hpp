@@ -61,10 +61,6 @@ constexpr double UNMET_SHARE = 1e-6;
                                              const Pairs &pairs, const Case &c, const Space &space) {
     const Search &search = space.search;
     double e = restitution_of(j, larger(rebound, 0.0), c);
-    // most rise far above the closure, whatever rounding makes of the press
-    double bend = side * rates_now(j, scalars, space.motion, search.power).bend;
-    if (rebound * rebound > 4.0 * larger(bend, 0.0) * pairs.closure)
-        return -1.0;
     // of the moment: the bounces rise no higher than the closure
     measure(scalars, space.motion, 0.0, search);
     derivatives(j, scalars, space.motion, unit_phase(scalars.omega, space.motion.clock), 0.0, search);
@@ -100,11 +96,12 @@ constexpr double UNMET_SHARE = 1e-6;
 [[gnu::noinline]] inline bool change_contacts(const Scalars &scalars, const Pairs &pairs, const Case &c,
                                               const Motion &motion) {
     bool changed = false;
+    Complex phase = unit_phase(scalars.omega, motion.clock);
     for (Index j = 0; j < c.state.size(); j++) {
         if (pairs.rigid(j) || c.state(j) == FREE)
             continue;
         double side = side_of(c.state(j));
-        bool pushes = side * scalar_now(c.state.size() + j, scalars, motion) > 0.0;
+        bool pushes = side * value_now(c.state.size() + j, scalars.exponent.size(), phase, scalars, motion) > 0.0;
         if (is_active(c.state(j)) != pushes) {
             c.state(j) = side * (pushes ? CONTACT : SEPARATING);
             changed = true;
@@ -445,8 +442,7 @@ constexpr double UNMET_SHARE = 1e-6;
     bool sticking = any_sticks(pairs, c);
     // a speed that rounding has left, as where equal parts at rest were turned into modes, is no impact
     bool real = !sticking || largest > space.search.negligible(0);
-    if (b)
-        read_coordinates(form.shapes, space.motion, space.products.after);
+    read_coordinates(form.shapes, space.motion, space.products.after);
     for (Index r = 0; r < c.state.size(); r++)
         space.impulse(r) = 0.0;
     Index collision = 0, n = 0;
