@@ -279,6 +279,17 @@ def ball_comes_to_rest() -> Iterator[Case]:
         )  # fmt: skip
 
 
+def restitution_over_speed() -> Iterator[Case]:
+    """A dropped ball with e = .8 (v/.1 m/s)^(-1/4): v_n = c^(4 (1 - q^n)) v_0^(q^n), q = 3/4, c = .8 x .1^(1/4)."""
+    height, falling = 0.02, 0.75**5
+    law = Rigid(0.8, at_speed=0.1, exponent=-0.25, at_most=0.95)
+    run = integrate(shaken_floor(law, (1.0, height), -GRAVITY), Sine(0.0, 5.0), EventDriven(), 1.0, Recorder(("ball",)))
+    exact = (0.8 * 0.1**0.25) ** (4 * (1 - falling)) * math.sqrt(2 * GRAVITY * height) ** falling
+    name, source, quantity = "ball, restitution over speed", "derived here (recursion)", "speed before impact 6"
+    speed, reason = float(run.impacts.approach_speed[5]), "rounding of six flights"
+    yield Case(name, source, quantity, "m/s", exact, speed, 1e-13, reason)
+
+
 def ball_leaves_the_table() -> Iterator[Case]:
     """A ball at rest on a table A sin(w t) leaves it where A w^2 sin(theta) = g."""
     gain = 1.3
@@ -375,6 +386,7 @@ IMPACT_CASES = (
     balls_that_meet,
     at_one_instant,
     ball_comes_to_rest,
+    restitution_over_speed,
     ball_leaves_the_table,
     ball_is_left,
     nearly_rigid_meets_its_wall,
