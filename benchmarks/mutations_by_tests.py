@@ -343,7 +343,9 @@ MUTATIONS: Mapping[str, tuple[Mutation, ...]] = {
         Mutation("checksum_of_pictures", "return checksum(path) != expected", "return not path.exists()"),
     ),
     "test_preflight.py": (
-        Mutation("axis_of_a_force_unlooked_at", 'place.owner in ("base", "force")', 'place.owner == "base"'),
+        Mutation(
+            "axis_of_a_force_unlooked_at", 'y" and place.owner in ("base", "force")', 'y" and place.owner == "base"'
+        ),
         Mutation(
             "study_that_bends_unsaid", 'attributes.pop("beam_length", 0.0)', '0.0 * attributes.pop("beam_length", 0.0)'
         ),

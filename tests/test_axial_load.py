@@ -24,6 +24,8 @@ from femimpact.fem.axial import weight_shift
 from femimpact.fem.mesh import with_nodes
 from femimpact.units import in_si
 
+pytestmark = pytest.mark.impacts
+
 ROOT = Path(__file__).parents[1]
 LENGTH = 0.3
 BEAM = fi.Beam.uniform(length=LENGTH, width=0.02, thickness=1e-3, young_modulus=70e9, density=2700)

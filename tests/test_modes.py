@@ -225,7 +225,9 @@ def test_a_place_off_the_beam_by_rounding_is_its_end(system):
 
 def of_matrices(M, K, C=None):
     M, K = np.asarray(M, dtype=float), np.asarray(K, dtype=float)
-    return fi.System.from_matrices(M, 0.0 * K if C is None else C, K, points={"first": np.eye(len(M))[0]})
+    return fi.System.from_matrices(
+        M, 0.0 * K if C is None else C, K, points={"first": np.eye(len(M))[0]}, base_load=M.sum(axis=1)
+    )
 
 
 @pytest.mark.parametrize(

@@ -274,7 +274,7 @@ def test_every_table_of_a_study_file_can_be_written(study):
     met = dataclasses.replace(structure.impactors[0], name="other", gap=(math.inf, 1e-3))
     meeting = fi.Meeting("pair", ("ball", "other"), 1e-3, fi.KelvinVoigt(restitution=0.5, contact_time=1e-3))
     hung |= {"impactors": (*structure.impactors, met), "meetings": (meeting,)}
-    structure = dataclasses.replace(structure, **hung)
+    structure = dataclasses.replace(structure, axial=fi.Axial(tension=0.1), **hung)
     plan = ParameterPlan(("peak",), {"base.amplitude": AxisValues((1e-4, 2e-4))})
     orbits = OrbitsPlan("frequency", (4.0, 6.0), 10.0, switch=("grazing",))
     everything = dataclasses.replace(

@@ -247,6 +247,7 @@ def test_random_structures_against_stops_in_space(seed):
     # a record may drift further than half the beam's length and moves from its first sample on, stops in space bend the
     # beam as far, and one mode may be driven far above itself, or have few samples in its period: all are warned of
     bent = ("the base moves", "the beam deflects", "where no mode is kept")
-    allowed = (*bent, "the record is coarse", "begins in motion")
+    # compliant laws are made for the first mode alone
+    allowed = (*bent, "the record is coarse", "begins in motion", "made for the first mode's mass")
     assert [text for text in run.warnings if not any(words in text for words in allowed)] == [], case.description
     assert np.min(np.diff(run.energy.contact_loss)) >= -1e-11 * run.energy.largest_input

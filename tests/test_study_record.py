@@ -288,7 +288,7 @@ def test_what_needs_a_sine_is_refused_before_any_work(tmp_path, shaker):
         (r"^study\.sine: ", lambda: study.sine),
     ]
     for key, ask in refused:
-        with pytest.raises(fi.InputError, match=key + words + "$"):
+        with pytest.raises(fi.InputError, match=key + words + "(; take a copy of the study .*)?$"):
             ask()
     assert not out.exists()
 

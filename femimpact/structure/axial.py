@@ -31,6 +31,12 @@ class Axial:
     spin_plane : {"flap", "lag"}
         Whether the deflection is along the axis of rotation or in the plane of rotation. In that plane the base's
         acceleration is the axis's, along the deflection.
+
+    Examples
+    --------
+    >>> import femimpact as fi
+    >>> fi.Structure(structure.beam, axial=fi.Axial(acceleration=9.81)).axial.acceleration
+    9.81
     """
 
     acceleration: float = field(default=0.0, metadata=quantity("m/s^2", at_least=-LARGEST, at_most=LARGEST))
