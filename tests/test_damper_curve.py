@@ -99,7 +99,7 @@ def test_the_motion_is_given_where_the_ball_meets_no_wall_between():
 
 
 def test_shares_of_the_starts(found):
-    np.testing.assert_allclose(100 * found["found"], [0, 14, 98, 100], atol=5)
+    np.testing.assert_allclose(100 * found["both_walls"], [0, 14, 98, 100], atol=5)
     np.testing.assert_allclose(found["motion_share"].sum("motion"), 1.0, rtol=1e-12)
     # each run that settled has the closed form: the loss to rounding, the effective mass as samples have it
     for level in LEVELS[1:]:
@@ -116,7 +116,7 @@ def test_shares_of_the_starts(found):
 def test_the_designers_point_is_where_every_start_that_meets_a_wall_finds_it(found):
     at = float(found["sure_from"])
     unmet = found["motion_share"].where(found["rhythm"] == "no impacts").sum("motion")
-    sure = (found["found"] + unmet).values > 1 - 1e-9
+    sure = (found["both_walls"] + unmet).values > 1 - 1e-9
     assert at in LEVELS[2:]
     assert at == LEVELS[int(np.argmax(sure))]
     assert at > float(found["best"]) + 0.05
@@ -187,7 +187,7 @@ def test_the_figure_marks_the_designers_point(found):
     at = float(found["sure_from"])
     assert star.get_xdata()[0] == at
     assert star.get_ydata()[0] == pytest.approx(float(found["loss"].sel(amplitude_over_gap=at)), rel=1e-9)
-    np.testing.assert_allclose(share.lines[0].get_ydata(), found["found"])
+    np.testing.assert_allclose(share.lines[0].get_ydata(), found["both_walls"])
     # a circle's size is the share of its motion
     np.testing.assert_allclose(
         loss.collections[0].get_sizes() / 60.0, np.nan_to_num(found["motion_share"]).ravel(), rtol=1e-12

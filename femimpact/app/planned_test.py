@@ -321,10 +321,8 @@ def _first_gaps(system: System, excitation: Excitation) -> Iterator[PreflightRow
         phi = abs(float(pair.direction @ modes.vectors[:, k]))
         if free and max(pair.gaps) < math.inf and pair.mass * phi**2 > LEAST_RATIO and driven > 0.0:
             own = value_text(pair.gaps[0] if len(set(pair.gaps)) == 1 else pair.gaps, "m")
-            what = (
-                f"first gap to try of {pair.name}{by_itself}, which has {own}: best gap of a light loss, mode {k + 1} "
-            )
-            what += f"({FIRST_GAP})"
+            of_ball = f"{pair.name}{by_itself}, which has {own}"
+            what = f"first gap to try of {of_ball}: best gap of a light loss, mode {k + 1} ({FIRST_GAP})"
             yield row_of(what, math.pi**2 * driven / (8.0 * pair.mass * phi), "m")
 
 

@@ -86,11 +86,11 @@ def damper_curve(
     xarray.Dataset over restitution and amplitude_over_gap
         - `loss`, `effective_mass`, `stable` of the motion above, not a number where there is none; `fold`, from which
           A/d on it exists, and `symmetry_breaking`, up to which it is stable. At `best`, 2 k/pi, the loss is 4/k.
-        - With starts, over `motion` too, each motion that was found: `motion_share` of the starts, `motion_loss`,
+        - With starts, over `motion` too, each motion that starts lead to: `motion_share` of the starts, `motion_loss`,
           `motion_effective_mass` (to some 1e-3) and `rhythm`, the largest loss first. All that is "irregular", without
           a period up to 8 cycles, is one motion.
-        - `found`, the share of the starts that find one impact on each wall in every cycle, and `sure_from`, the first
-          of the longest series of A/d at which all do but a ball that meets no wall: the designer's point.
+        - `both_walls`, the share of the starts that lead to one impact on each wall in every cycle, and `sure_from`,
+          the first of the longest series of A/d at which all do but a ball that meets no wall: the designer's point.
 
     Examples
     --------
@@ -175,7 +175,7 @@ def _measured(case: tuple[float, ...], cycles: int, gravity: float, stiffness: f
 
 
 def _motions(rows: tuple[Any, ...], starts: int) -> xarray.Dataset:
-    """Variables of the motions that runs have found."""
+    """Variables of the motions of runs."""
     import pandas
 
     names = ["motion_loss", "motion_effective_mass"]
@@ -186,15 +186,15 @@ def _motions(rows: tuple[Any, ...], starts: int) -> xarray.Dataset:
     groups = frame.groupby([*POINT, "rhythm", "other"])[names]
     table = groups.mean().assign(motion_share=groups.size() / starts).reset_index().drop(columns="other")
     table["motion"] = table.groupby(POINT)[names[0]].rank(method="first", ascending=False).astype(int) - 1
-    found: xarray.Dataset = table.set_index([*POINT, "motion"]).to_xarray()
-    found["rhythm"] = found["rhythm"].fillna("").astype(str)
+    motions: xarray.Dataset = table.set_index([*POINT, "motion"]).to_xarray()
+    motions["rhythm"] = motions["rhythm"].fillna("").astype(str)
     share, unmet = (
-        found["motion_share"].where(found["rhythm"] == rhythm).sum("motion")
+        motions["motion_share"].where(motions["rhythm"] == rhythm).sum("motion")
         for rhythm in ("2:1 periodic", "no impacts")
     )
     sure = (share > unmet) & (share + unmet > 1.0 - 0.5 / starts)
-    levels = np.append(found["amplitude_over_gap"].to_numpy(), math.nan)
+    levels = np.append(motions["amplitude_over_gap"].to_numpy(), math.nan)
     # of each level how many from it on are sure
     series = [[int(np.argmin(np.append(row[i:], False))) for i in range(row.size)] for row in sure.to_numpy()]
     first = [int(np.argmax(lengths)) if any(lengths) else -1 for lengths in series]
-    return found.assign(found=share, sure_from=("restitution", levels[first]))
+    return motions.assign(both_walls=share, sure_from=("restitution", levels[first]))

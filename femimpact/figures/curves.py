@@ -436,7 +436,7 @@ def _slope(axis: Any, x: Any, error: Any, order: float, sense: float, number: in
 OF_DAMPER = {
     "loss": "loss per cycle / (m ω² A²)",
     "effective_mass": "effective mass / m",
-    "found": "share of starts with an impact on each wall in every cycle",
+    "both_walls": "share of starts with an impact on each wall in every cycle",
 }
 """Panels of the curve of a damper."""
 
@@ -462,15 +462,15 @@ def damper_curve(
     -------
     ndarray (panels,) of Axes
     """
-    shown = [name for name in OF_DAMPER if name in curve or f"motion_{name}" in curve]
-    axes: NDArray[np.object_] = panels(figure, 8.0, 3.2 * len(shown), len(shown), 1, sharex=True)[:, 0]
+    names = [name for name in OF_DAMPER if name in curve or f"motion_{name}" in curve]
+    axes: NDArray[np.object_] = panels(figure, 8.0, 3.2 * len(names), len(names), 1, sharex=True)[:, 0]
     level = curve["amplitude_over_gap"].to_numpy()
     for colour, (e, own) in zip(cycle(COLOURS), curve.groupby("restitution"), strict=False):
         own = own.squeeze("restitution")
-        for axis, name in zip(axes, shown, strict=True):
+        for axis, name in zip(axes, names, strict=True):
             runs = own.get(f"motion_{name}")
             if name in own:
-                certain = own["stable"] if name != "found" else True
+                certain = own["stable"] if name != "both_walls" else True
                 axis.plot(level, own[name].where(certain), color=colour, label=f"e = {e:g}")
                 axis.plot(level, own[name], "--", color=colour, linewidth=1.0)
             if runs is not None:
@@ -483,9 +483,9 @@ def damper_curve(
                 label = f"from {float(own['sure_from']):.3g} on all starts find both walls"
                 axis.plot(own["sure_from"], star, "*", label=label, **look)
     axes[0].set(xscale="log", yscale="log")
-    for axis, name in zip(axes, shown, strict=True):
-        x = "amplitude of the box over the gap, A/d" if name == shown[-1] else ""
-        label_axes(axis, x, OF_DAMPER[name], title if name == shown[0] else "")
+    for axis, name in zip(axes, names, strict=True):
+        x = "amplitude of the box over the gap, A/d" if name == names[-1] else ""
+        label_axes(axis, x, OF_DAMPER[name], title if name == names[0] else "")
     plain_log_ticks(axes[0].xaxis)
     plain_log_ticks(axes[0].yaxis)
     legend_above(axes[0])

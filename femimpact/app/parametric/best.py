@@ -8,6 +8,7 @@ they are in `worst_over`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     import xarray
 
 FREQUENCY = "base.frequency"
-OF_FORCE = "force."
-NO_DESIGN = ("base.", OF_FORCE, "start.", "mesh.", "reduction.", "method.")
+FREQUENCY_OF_FORCE = r"force\..+\.frequency"
+NO_DESIGN = ("base.", "force.", "start.", "mesh.", "reduction.", "method.")
 """Beginnings of the paths of the axes that are no choice of the user: of the excitation, the start, the numerics."""
 
 NUMBER = quantity("1")
@@ -198,8 +199,7 @@ def check_best(
 
 def frequency_axes(axes: Iterable[str]) -> tuple[str, ...]:
     """Those of the frequency of the base or of a force."""
-    of_force = [name for name in axes if name.startswith(OF_FORCE) and name.endswith(".frequency")]
-    return tuple(name for name in axes if name == FREQUENCY or name in of_force)
+    return tuple(name for name in axes if name == FREQUENCY or re.fullmatch(FREQUENCY_OF_FORCE, name))
 
 
 def axes_of(dataset: xarray.Dataset) -> tuple[str, ...]:

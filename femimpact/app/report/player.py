@@ -98,8 +98,8 @@ def frames_of(response: Response) -> Frames | None:
     events = list(zip(frames.tolist(), hits["contact"].tolist(), hits["side"].tolist(), strict=True))
     # balls that meet have no body of their own: both are hit, at no wall
     meetings = response.system.meetings
-    shown = [(frame, ball, side if ball == j else 0) for frame, j, side in events for ball in meetings.get(j, (j,))]
-    return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, tuple(shown))
+    hit = [(frame, ball, side if ball == j else 0) for frame, j, side in events for ball in meetings.get(j, (j,))]
+    return Frames(times, stations, deflection, displacement @ slopes.T, balls, space, tuple(hit))
 
 
 def _hits(impacts: Impacts, shown: Array, names: Sequence[str]) -> dict[str, NDArray[Any]]:

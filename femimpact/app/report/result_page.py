@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femimpact.app.parametric.best import frequency_axes
 from femimpact.app.parametric.best_design import (
     LIMIT,
     OF_AXIS,
@@ -327,7 +328,7 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
     """The largest steady peak without balls, in a sentence, and over that of the best case; None where not known."""
     data, study, design = results.parameter_study, results.study, case.designs[0]
     axes = set() if data is None else set(axis_names(data))
-    of_drive = [axis for axis in axes if FREQUENCY.fullmatch(axis)]
+    of_drive = frequency_axes(axes)
     of_balls = all(axis in of_drive or axis.startswith(("impactor.", "start.")) for axis in axes)
     if data is None or study is None or case.measure != "peak" or not of_balls:
         return None
@@ -348,10 +349,6 @@ def _peak_without(results: ResultReading, case: BestCase) -> tuple[str, float] |
     over = f"from {f[0]:.4g} to {f[-1]:.4g} Hz" if f.size > 1 else "there"
     without = f"Without {results.findings.carried} the largest steady peak {over} is {unit_text(peaks[largest], 'm')}"
     return f"{without}, at {f[largest]:.4g} Hz.", peaks[largest] / value
-
-
-FREQUENCY = re.compile(r"base\.frequency|force\..+\.frequency")
-"""Axes of the frequency of a single drive."""
 
 
 def _file_name(results: ResultReading, findings: Findings) -> str:
@@ -540,15 +537,16 @@ def _boxes(results: ResultReading) -> Beside:
     """Sizes of balls of a known material, their boxes and the beam there, and the pressure at the fastest impact."""
     study, of_design = results.best_design or (results.study, "by the gaps of the study file")
     balls = [one for one in study.structure.impactors if one.material] if study else []
-    impacts = results.table(FILES["impacts"].name) if balls else None
-    rows, system = [], drawn_system(study.structure, results.findings.points) if study and balls else None
+    if study is None or not balls:
+        return []
+    rows, impacts = [], results.table(FILES["impacts"].name)
+    structure, system = study.structure, drawn_system(study.structure, results.findings.points)
     for ball in balls:
         speeds = [] if impacts is None else impacts["approach_speed"][np.asarray(impacts["impactor"]) == ball.name]
         speed = max(speeds, default=math.nan)
         force, pressure = ball.wall_pressure(speed) if speed > 0.0 else (math.nan, math.nan)
         sizes = 1e3 * ball.diameter, 1e3 * ball.box_length, 1e3 * ball.box_mass(1e-3)
-        at = math.nan if study is None or system is None else system.position_of(study.structure.place_of(ball.at))
-        high = math.nan if study is None else 1e3 * study.structure.beam.drawn_at(at)[1]
+        high = 1e3 * structure.beam.drawn_at(system.position_of(structure.place_of(ball.at)))[1]
         rows.append((ball.name, ball.material, ball.wall, *sizes, high, float(speed), force, 1e-6 * pressure))
     # without impacts, or without a wall, a column has nothing
     names = "diameter (mm)", "box inside (mm)", "box of 1 mm walls (g)", "height of the beam there (mm)"
@@ -556,7 +554,7 @@ def _boxes(results: ResultReading) -> Beside:
     header = ("ball", "material", "wall", *names, *of_impact)
     filled = [i for i in range(len(header)) if any(row[i] not in ("", None) and row[i] == row[i] for row in rows)]
     cells = tuple(tuple(row[i] for i in filled) for row in rows)
-    return [Table(f"Balls and their boxes, {of_design}", tuple(header[i] for i in filled), cells)] if rows else []
+    return [Table(f"Balls and their boxes, {of_design}", tuple(header[i] for i in filled), cells)]
 
 
 def _player(results: ResultReading) -> Beside:
