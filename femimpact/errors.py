@@ -352,7 +352,8 @@ def instance(*kinds: Any) -> dict[str, Any]:
     """Metadata of a dataclass field that holds a value of one of some kinds."""
     names = " or ".join(kind.__name__ for kind in kinds)
     take = functools.partial(_instance, kinds=kinds)
-    return {"unit": "", "allowed": f"must be a {names}", "take": take, "kinds": kinds}
+    article = "an" if names[0] in "AEIOU" else "a"
+    return {"unit": "", "allowed": f"must be {article} {names}", "take": take, "kinds": kinds}
 
 
 def having(what: str, names: tuple[str, ...]) -> dict[str, Any]:

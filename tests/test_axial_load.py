@@ -307,7 +307,7 @@ ABSORBER = fi.Absorber("damper", "tip", 1e-3, 2.0, 1e-3)
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"axial": 9.81}, "axial = .*must be a Axial"),
+    ({"axial": 9.81}, "axial = .*must be an Axial"),
     ({"axial": fi.Axial(spin=5.0)}, r"axial.spin = 5.0 rad/s: must be 0 beside balls and absorbers"),
     ({"axial": fi.Axial(spin=5.0), "impactors": (), "absorbers": (ABSORBER,)}, r"axial.spin = 5.0 rad/s: must be 0"),
     ({"supports": ()}, "axial = .*must be None for a beam that nothing holds"),
