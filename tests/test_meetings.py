@@ -420,6 +420,9 @@ def test_a_study_file_says_with_units_which_balls_meet():
             '"kelvin-voigt", restitution = 1.6',
             r"meeting.bc.contact.restitution = 1.6",
         ),
+        # a fault of a ball is none of what it meets
+        ('gap = [inf, "3 mm"]', 'gap = ["inf", "3 mm"]', r"impactor.a.gap = 'inf': must be inf for an open side"),
+        ('mass = "1 g"', 'mass = "-1 g"', r"impactor.b.mass = -0.001 kg"),
     ],
 )
 def test_a_wrong_meeting_of_a_study_file_is_one_line(old, new, said):

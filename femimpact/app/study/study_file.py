@@ -246,6 +246,9 @@ def _from_tables(data: Mapping[str, Any], path: Path, text: str, of_units: list[
     structure, mesh = None, fields.get("mesh")
     if "structure.beam" in fields:
         parts = {place.removeprefix("structure."): fields.pop(place) for place in list(fields) if "." in place}
+        if "impactor" in data and "impactors" not in parts:
+            # a fault of a ball is none of what it meets
+            parts.pop("meetings", None)
         structure = _collected("", partial(Structure, **parts), faults)
     if structure is not None and mesh is not None and mesh.elements is not None:
         _collected("", partial(uniform_mesh, structure, mesh.elements), faults)
