@@ -118,7 +118,7 @@ class Segment:
             allowed = "must be left out without shear_modulus (Pa): the segment does not shear"
             faults.append(Fault("shear_factor", self.shear_factor, "1", allowed))
         elif self.shear_modulus is not None and self.shear_factor is None and self.width is None:
-            allowed = "must be given, as only a rectangle has a default; Beam.round and Beam.tube find Cowper's"
+            allowed = "must be given, as only a rectangle has a default: 6 (1 + nu)/(7 + 6 nu) of a round bar (Cowper)"
             faults.append(Fault("shear_factor", None, "1", allowed))
         elif self.shear_modulus is not None and (self.end_width or self.end_thickness):
             allowed = "must be left out where the section tapers: take short segments, each of one section"
